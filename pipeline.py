@@ -1,6 +1,6 @@
-"""afford: from video to where each hand goes on an object, and where not. `python pipeline.py --help` lists the verbs.
+"""afford: two-hand affordances and grasps from video. `python pipeline.py --help` lists the verbs.
 
-A target is a graph; its lines stand in `maps/`. Every line adds one stage: a pure function of typed inputs and `Params`, cached
+A target is a graph, whose lines are in `maps/`. Every line adds one stage: a pure function of typed inputs and `Params`, cached
 under the digest of its code, its parameters and the content of its inputs.
 """
 
@@ -33,15 +33,15 @@ TARGETS = {"dataset": "maps.extraction:dataset",
            "train-set": "maps.synthetic:train_set",
            "benchmark-set": "maps.synthetic:benchmark_stills",
            "all": "maps.everything:everything"}  # fmt: skip
-"""target -> the lines of its graph, in the order of the help; a map, and with it its stages, is loaded when it is built"""
+"""target -> function that builds its graph, in the order of the help; its module is imported when the graph is built"""
 
 
-ROOMS = ("commands", "maps", "runner", "schemas", "stages")
-"""top-level names of ours beside afford; a module of the user's with one of them hides ours"""
+PACKAGES = ("commands", "maps", "runner", "schemas", "stages")
+"""top-level packages of the project besides afford; a user's module of the same name would hide one"""
 
 
 def build(target: str, origin: Origin, p: Settings) -> Graph:
-    """The graph of one target of `TARGETS`."""
+    """Build the graph of one target of `TARGETS`."""
     from afford.common.registry import load
     from runner import Graph
 
@@ -51,14 +51,17 @@ def build(target: str, origin: Origin, p: Settings) -> Graph:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run a command: `python pipeline.py`, or the console script `afford`; its exit code. SystemExit where it cannot begin."""
+    """Run `python pipeline.py`, or the console script `afford`; return the exit code.
+
+    SystemExit where the command cannot start.
+    """
     if find_spec("typer") is None:
-        raise SystemExit(f"error: {sys.executable} has none of afford's libraries; `make setup`, then `. .venv/bin/activate` "
-                         "or .venv/bin/python")  # fmt: skip
+        raise SystemExit(f"error: afford's libraries are not installed for {sys.executable}; run `make setup`, then use "
+                         "`. .venv/bin/activate` or .venv/bin/python")  # fmt: skip
     try:
         from afford.shadows import refuse
 
-        refuse(ROOMS)
+        refuse(PACKAGES)
     except ImportError as error:
         raise SystemExit(f"error: {error}") from None
     from commands.cli import main as command

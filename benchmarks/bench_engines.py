@@ -19,13 +19,13 @@ import psutil
 import torch
 
 from afford.common.registry import extra
-from afford.grasping.env.config import Config
-from afford.grasping.env.core import Grasping
+from afford.grasping.env.config import GraspEnvConfig
 from afford.grasping.env.env import AffordanceGraspVector
+from afford.grasping.env.grasp_worlds import GraspWorlds
+from afford.grasping.env.gym_env import PPOEnvAdapter
 from afford.grasping.env.task import Task
-from afford.grasping.env.vector import Learning
 from afford.grasping.hand.assets import shadow_files
-from afford.grasping.policies.refine import Plan, made
+from afford.grasping.policies.train_teacher import TeacherTrainingConfig, new_teacher
 from afford.grasping.rl import ppo
 from afford.grasping.sim.scene import Physics
 from benchmarks.bench_grasp_env import TOOLS, tool
@@ -48,9 +48,10 @@ class Setting:
     worlds: int = ON_CPU
     device: str = "cpu"
 
-    def config(self) -> Config:
+    def config(self) -> GraspEnvConfig:
         """Of the environment."""
-        return Config(engine=self.engine, physics=Physics(iterations=self.iterations), processes=self.processes, device=self.device,
+        return GraspEnvConfig(engine=self.engine, physics=Physics(iterations=self.iterations), processes=self.processes,
+                              device=self.device,
                       base="script", steps=STEPS)  # fmt: skip
 
 
@@ -69,7 +70,7 @@ def main() -> None:
 
 def row(hand: HandModel, tasks: list[Task], setting: Setting) -> str:
     """One setting, measured."""
-    core = Grasping(hand, [tasks[k % len(tasks)] for k in range(setting.worlds)], setting.config())
+    core = GraspWorlds(hand, [tasks[k % len(tasks)] for k in range(setting.worlds)], setting.config())
     cpu_s, clock_s, goal, depths = _rollouts(core, setting.worlds)
     core.close()
     steps = EPISODES * STEPS * setting.worlds
@@ -79,7 +80,7 @@ def row(hand: HandModel, tasks: list[Task], setting: Setting) -> str:
             f"{steps / clock_s:.0f} | {learning} |")  # fmt: skip
 
 
-def _rollouts(core: Grasping, n: int) -> tuple[float, float, float, np.ndarray]:
+def _rollouts(core: GraspWorlds, n: int) -> tuple[float, float, float, np.ndarray]:
     """CPU seconds, seconds, share of objects at their goals at the end, depths in mm. A first step, which compiles, is not
     counted.
     """
@@ -103,10 +104,11 @@ def _rollouts(core: Grasping, n: int) -> tuple[float, float, float, np.ndarray]:
 def _learning(hand: HandModel, tasks: list[Task], setting: Setting) -> float:
     """Control steps a second of PPO, updates and all; the policy is computed on the CPU. The first update is not counted."""
     envs = AffordanceGraspVector(setting.worlds, hand, tasks, **vars(setting.config()))
-    config, clock = ppo.Config(updates=3), list[float]()
-    model = made(Plan(0, setting.worlds, "small", 0.5, 0.5, config), envs.core.width, envs.core.motors)
+    config, clock = ppo.PPOConfig(updates=3), list[float]()
+    model = new_teacher(TeacherTrainingConfig(0, setting.worlds, "small", 0.5, 0.5, config), envs.core.width, envs.core.motors)
     torch.manual_seed(0)
-    ppo.learn(Learning(envs, 0), model, config, ppo.adam(model, config.lr), 0, lambda *_: clock.append(time.perf_counter()))
+    ppo.train(PPOEnvAdapter(envs, 0), model, config, ppo.make_optimizer(model, config.lr), 0,
+              lambda *_: clock.append(time.perf_counter()))
     envs.close()
     return (config.updates - 1) * config.steps * setting.worlds / (clock[-1] - clock[0])
 

@@ -15,15 +15,16 @@ from pathlib import Path
 
 import numpy as np
 
-from afford.grasping.env import reward, wrench
-from afford.grasping.env.act import RATES, table
+from afford.grasping.env import actions as actions_module
+from afford.grasping.env import reward
+from afford.grasping.env.actions import RATES, rate_table
 from afford.grasping.env.env import AffordanceGraspVector
-from afford.grasping.env.metrics import MEANING
-from afford.grasping.env.observe import LAYOUTS, STATES, blocks
-from afford.grasping.env.task import Task, task
+from afford.grasping.env.measures import METRICS
+from afford.grasping.env.obs_blocks import LAYOUTS, ROLES, obs_blocks
+from afford.grasping.env.task import Task, make_task
 from afford.grasping.hand.assets import shadow_files
 from afford.grasping.hand.kinematics import command_limits, commanded_joints
-from afford.grasping.imitation import imitation
+from afford.grasping.imitation import tracking
 from afford.grasping.sim.scene import DOMAIN_RANDOMIZATION, Physics
 from benchmarks.pages import ROOT, into
 from schemas.hand import HandModel
@@ -50,7 +51,7 @@ def main() -> None:
 def actions(hand: HandModel) -> str:
     """One row for each number of an action: how far it moves its target in a step, and how far it may in all."""
     names = [hand.joints.name[k] for k in commanded_joints(hand.joints)]
-    both = {base: table(rates, len(names)) for base, rates in RATES.items()}
+    both = {base: rate_table(rates, len(names)) for base, rates in RATES.items()}
     units = ["m" if k < 3 else "rad" for k in range(len(names))]
     rows = [f"| {k} | {name} | {unit} | {both['none'][k, 0]:g} | {both['prior'][k, 0]:g} | {both['script'][k, 0]:g} "
             f"| {both['script'][k, 1]:g} |"
@@ -63,7 +64,7 @@ def actions(hand: HandModel) -> str:
 def wrenches(hand: HandModel) -> str:
     """One row for each number of an action of the paper's mode: what a full one is, and where that comes from."""
     names = [hand.joints.name[k] for k in commanded_joints(hand.joints)]
-    full, limits = wrench.table(command_limits(hand.joints))[:, 0], command_limits(hand.joints)
+    full, limits = actions_module.wrench_table(command_limits(hand.joints))[:, 0], command_limits(hand.joints)
     rows = ["| | of | unit | a full action | zero is | published |", "|--:|---|---|--:|--:|--:|"]
     for k, name in enumerate(names):
         what = f"force, {'xyz'[k]}" if k < 3 else f"torque, {'xyz'[k - 3]}" if k < 6 else f"target of {name}"
@@ -78,10 +79,10 @@ def observations() -> str:
     for layout, groups in LAYOUTS.items():
         for group, chosen in groups.items():
             rows += [f"| {layout} | {group} | {block.name} | {block.width} | {block.doc} |" for block in chosen]
-    widths = ["| layout | " + " | ".join(f"{role} ({' '.join(groups)})" for role, groups in STATES.items()) + " |",
-              "|---|" + "--:|" * len(STATES)]  # fmt: skip
+    widths = ["| layout | " + " | ".join(f"{role} ({' '.join(groups)})" for role, groups in ROLES.items()) + " |",
+              "|---|" + "--:|" * len(ROLES)]  # fmt: skip
     for layout in LAYOUTS:
-        widths.append(f"| {layout} | " + " | ".join(str(sum(b.width for b in blocks(layout, role))) for role in STATES) + " |")
+        widths.append(f"| {layout} | " + " | ".join(str(sum(b.width for b in obs_blocks(layout, role))) for role in ROLES) + " |")
     return "\n".join([*rows, "", *widths, ""])
 
 
@@ -95,15 +96,15 @@ def rewards() -> str:
 
 def imitations() -> str:
     """The same, of imitation."""
-    rows = ["| term | " + " | ".join(imitation.REWARDS) + " | what |", "|---|" + "--:|" * len(imitation.REWARDS) + "---|"]
-    for name, term in imitation.TERMS.items():
-        rows.append(f"| {name} | {_weights(imitation.REWARDS, name)} | {term.doc} |")
+    rows = ["| term | " + " | ".join(tracking.REWARDS) + " | what |", "|---|" + "--:|" * len(tracking.REWARDS) + "---|"]
+    for name, term in tracking.TERMS.items():
+        rows.append(f"| {name} | {_weights(tracking.REWARDS, name)} | {term.doc} |")
     return "\n".join([*rows, ""])
 
 
 def report() -> str:
     """One row for each figure."""
-    return "\n".join(["| figure | what |", "|---|---|", *(f"| {name} | {what} |" for name, what in MEANING.items()), ""])
+    return "\n".join(["| figure | what |", "|---|---|", *(f"| {name} | {what} |" for name, what in METRICS.items()), ""])
 
 
 def randomisation() -> str:
@@ -147,7 +148,7 @@ def tool(category: str) -> Task:
     """A procedural tool to be held by its handle."""
     built = object_build.run(ObjectSpec(f"{category}_11", category, 11, "plain", "train"), object_build.Params(atlas_px=64))
     body = object_solids.run(built.mesh, built.parts, object_solids.Params(points=256))
-    return task(body, [part for part in body.parts if part != "handle"])
+    return make_task(body, [part for part in body.parts if part != "handle"])
 
 
 if __name__ == "__main__":

@@ -30,7 +30,7 @@ from afford.extraction.sources.outlines import rasterise
 from afford.models.weights import weight_files
 from afford.render.raster import View
 from afford.render.scene import batch
-from afford.synthetic.kitchens.animation import LENGTH
+from afford.synthetic.kitchens.animation import DURATION
 from afford.synthetic.kitchens.world import World, build_world
 from afford.synthetic.splits import standard_specs
 from commands.session import digester, open_runner
@@ -125,7 +125,7 @@ def rendered(seed: int, runner: Runner) -> Iterator[Scene]:
 
 def _shots(spec: SceneSpec, world: World) -> Iterator[Shot]:
     for frame in range(1, spec.frames + 1, spec.key_gap):
-        moment = (frame - 1) * LENGTH / spec.frames
+        moment = (frame - 1) * DURATION / spec.frames
         cloth = world.hands[0].look.cloth
         parts = [replace(i, entity=-1) if i.material is cloth and i.entity in (0, 1) else i for i in world.instances(moment)]
         view = View.of(batch(parts, world.textures), world.camera(moment))

@@ -19,12 +19,12 @@ import numpy as np
 import torch
 from gymnasium.wrappers import TransformReward
 
-from afford.grasping.rl.policy import ActorCritic, PolicyConfig
-from afford.grasping.rl.ppo import Config, Moved, adam, learn
+from afford.grasping.env.step_result import StepResult
+from afford.grasping.rl.ppo import ActorCritic, PolicyConfig, PPOConfig, make_optimizer, train
 
 TASK, ENVS, STEPS, UPDATES, SEEDS, EPISODES = "Pendulum-v1", 4, 1024, 25, (0, 1, 2), 50
-SETTINGS = Config(updates=UPDATES, steps=STEPS, epochs=10, minibatches=64, lr=1e-3, gamma=0.9, lam=0.95, clip=0.2, value_weight=0.5,
-                  max_grad_norm=0.5, target_kl=0.0, anneal=False)  # fmt: skip
+SETTINGS = PPOConfig(updates=UPDATES, steps=STEPS, epochs=10, minibatches=64, lr=1e-3, gamma=0.9, gae_lambda=0.95, clip=0.2,
+                     value_weight=0.5, max_grad_norm=0.5, target_kl=0.0, anneal=False)  # fmt: skip
 HIDDEN, LIMIT, SCALE = (64, 64), 2.0, 0.01
 """layers; largest torque; rewards are multiplied by it in training"""
 
@@ -51,13 +51,13 @@ class Pendulums:
         """First observations."""
         return self.envs.reset(seed=self.seed)[0]
 
-    def step(self, action: np.ndarray) -> Moved:
+    def step(self, action: np.ndarray) -> StepResult:
         """Act."""
-        seen, reward, terminated, truncated, infos = self.envs.step((LIMIT * action).clip(-LIMIT, LIMIT))
-        reached = seen.copy()
+        obs, reward, terminated, truncated, infos = self.envs.step((LIMIT * action).clip(-LIMIT, LIMIT))
+        final_obs = obs.copy()
         for k in np.flatnonzero(terminated | truncated):
-            reached[k] = infos["final_obs"][k]
-        return Moved(seen, reached, (SCALE * reward).astype(np.float32), terminated, truncated, {})
+            final_obs[k] = infos["final_obs"][k]
+        return StepResult((SCALE * reward).astype(np.float32), terminated, truncated, obs=obs, final_obs=final_obs)
 
 
 def main() -> None:
@@ -80,7 +80,7 @@ def ours(seed: int) -> Row:
     """afford/grasping/rl/ppo.py."""
     torch.manual_seed(seed)
     model = ActorCritic(PolicyConfig(3, 1, HIDDEN, "tanh", 1.0))
-    spent = _timed(lambda: learn(Pendulums(seed), model, SETTINGS, adam(model, SETTINGS.lr), 0, lambda _, __: None))
+    spent = _timed(lambda: train(Pendulums(seed), model, SETTINGS, make_optimizer(model, SETTINGS.lr), 0, lambda _, __: None))
     model.eval()
 
     def act(seen: np.ndarray) -> np.ndarray:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from afford.rgbd.evaluate.flow_metrics import EndPointError, end_point_error, moves
+from afford.rgbd.scene_flow.metrics import EndPointError, end_point_error, moving_mask
 from benchmarks.pages import ROOT
 from schemas.interaction import InteractionClip, InteractionTruth, SceneFlow
 from stages.rgbd import interaction_read, scene_flow
@@ -82,7 +82,7 @@ def _row(size_px: int, backend: str, clips: list[tuple[InteractionClip, Interact
 
 def _errors(flow: SceneFlow, truth: InteractionTruth) -> tuple[EndPointError, EndPointError]:
     """In m, and on the image in px."""
-    moving = moves(truth.flow_m)
+    moving = moving_mask(truth.flow_m)
     return (end_point_error(flow.flow_m, truth.flow_m, truth.valid, moving),
             end_point_error(flow.flow_px, truth.flow_px, truth.valid, moving))  # fmt: skip
 

@@ -18,7 +18,7 @@ from typing import Any
 
 import cv2
 
-from afford.rgbd.evaluate import published
+from afford.rgbd.evaluate import ablation_rows
 from afford.rgbd.model.config import VARIANTS
 from afford.rgbd.model.model import build
 from benchmarks import sor3d_kept
@@ -112,7 +112,7 @@ def short(numbers: dict[str, float]) -> str:
     """Ours beside the paper's."""
     def line(mode: str, words: str) -> str:
         ours = [f"{numbers[f'{mode}.{name}']:.3f}" for name in FIGURES]
-        return f"| {' | '.join((words, *ours, *(f'{value:.2f}' for value in published.MODEL[mode])))} |\n"
+        return f"| {' | '.join((words, *ours, *(f'{value:.2f}' for value in ablation_rows.PUBLISHED_MODEL[mode])))} |\n"
 
     head = "| | IoU | F | weighted F | paper: IoU | F | weighted F |\n|---|--:|--:|--:|--:|--:|--:|\n"
     return head + line("video", "videos") + line("static", "pictures")

@@ -16,11 +16,10 @@ from pathlib import Path
 
 import torch
 
-from afford.rgbd.model.both_ways import both_ways
 from afford.rgbd.model.config import VARIANTS, Sor3dConfig
-from afford.rgbd.model.inputs import Frames
 from afford.rgbd.model.losses import LossParams, losses
-from afford.rgbd.model.model import Sor3d, build
+from afford.rgbd.model.model import Sor3d, build, predict_with_flip
+from afford.rgbd.model.model_inputs import InputBatch
 from afford.training.loop import autocast
 from stages.rgbd import sor3d_train
 
@@ -51,15 +50,15 @@ def _wait(device: str) -> None:
         torch.cuda.synchronize()
 
 
-def seen(count: int, length: int, config: Sor3dConfig, device: str) -> Frames:
+def seen(count: int, length: int, config: Sor3dConfig, device: str) -> InputBatch:
     """`count` sequences of noise."""
     shape = (count, length, 4, config.size_px, config.size_px)
-    return Frames(torch.rand(shape, device=device), torch.rand((count, length, 3, *shape[3:]), device=device))
+    return InputBatch(torch.rand(shape, device=device), torch.rand((count, length, 3, *shape[3:]), device=device))
 
 
 def answers_ms(model: Sor3d, device: str, repeats: int) -> list[float]:
     """A picture, a video, a video and its mirror image."""
-    ways = ((model, 1), (model, FRAMES), (lambda frames: both_ways(model, frames), FRAMES))
+    ways = ((model, 1), (model, FRAMES), (lambda frames: predict_with_flip(model, frames), FRAMES))
     with torch.inference_mode():
         return [1000 * median_s(lambda: ask(frames), device, repeats)  # noqa: B023  # called before the next
                 for ask, frames in ((ask, seen(1, length, model.config, device)) for ask, length in ways)]  # fmt: skip

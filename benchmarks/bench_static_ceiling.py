@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from afford.dataset.affordance_rules import AFFORDANCE_RULES
-from afford.rgbd.evaluate import published
+from afford.rgbd.evaluate import ablation_rows
 from benchmarks.pages import ROOT, into
 from stages.synthetic import interaction_plan
 
@@ -32,7 +32,7 @@ def main() -> None:
     starts = ({kind: str(rng.choice(list(AFFORDANCE_RULES[kind]))) for kind in kinds} for _ in range(STARTS))
     best = max((climb(start, seen) for start in starts), key=lambda said: means(said, seen)[0])
     iou, f = means(best, seen)
-    paper = published.MODEL["static"]
+    paper = ablation_rows.PUBLISHED_MODEL["static"]
     into(PAGE, "ceiling", SELF, f"Who saw every thing and part without fault, but not what was done, would have a mean IoU of "
          f"{iou:.2f} and F of {f:.2f} at best on these {len(plan)} pictures (the paper's model on its own: {paper[0]:.2f} and "
          f"{paper[1]:.2f}).\n")  # fmt: skip

@@ -15,16 +15,15 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from afford.grasping.env.config import Config
-from afford.grasping.env.core import Grasping
-from afford.grasping.env.task import task
+from afford.grasping.env.config import GraspEnvConfig
+from afford.grasping.env.grasp_worlds import GraspWorlds
+from afford.grasping.env.task import make_task
 from afford.grasping.hand.assets import shadow_files
-from afford.grasping.policies import cameras, sight
-from afford.grasping.policies.cameras import Rig, shoot
-from afford.grasping.policies.depth_noise import RANDOM_DEPTH
-from afford.grasping.policies.sight import Eyes
-from afford.grasping.policies.student import Senses, Sight
-from afford.grasping.policies.teach import made
+from afford.grasping.policies import depth_cameras, student_obs
+from afford.grasping.policies.depth_cameras import RANDOM_DEPTH, CameraRig, render_depth
+from afford.grasping.policies.student import StudentObserver, StudentSensors
+from afford.grasping.policies.student_obs import CloudSampling
+from afford.grasping.policies.train_student import new_student
 from benchmarks.pages import ROOT, into
 from schemas.mesh import ObjectSpec
 from stages.grasping import hand_model, object_solids
@@ -33,9 +32,9 @@ from stages.synthetic import object_build
 PAGE = ROOT / "docs" / "grasping" / "student.md"
 TOOLS = ("screwdriver", "hammer", "knife", "spatula")
 BEFORE, REPEAT = 16, 5
-SETTINGS = (("small", Senses()), ("small", Senses(eyes=Eyes(sampling="farthest"))),
-            ("paper", Senses(cameras.PAPER, Eyes(1024, "even", "paper"))),
-            ("paper", Senses(cameras.PAPER, sight.PAPER)))  # fmt: skip
+SETTINGS = (("small", StudentSensors()), ("small", StudentSensors(eyes=CloudSampling(sampling="farthest"))),
+            ("paper", StudentSensors(depth_cameras.PAPER, CloudSampling(1024, "even", "paper"))),
+            ("paper", StudentSensors(depth_cameras.PAPER, student_obs.PAPER)))  # fmt: skip
 
 
 def main() -> None:
@@ -47,12 +46,13 @@ def main() -> None:
     core.close()
 
 
-def grasps() -> Grasping:
+def grasps() -> GraspWorlds:
     """Hands that have closed."""
     hand = hand_model.run(shadow_files(), hand_model.Params())
     built = [object_build.run(ObjectSpec(one, one, 12, "plain", "train"), object_build.Params(atlas_px=64)) for one in TOOLS]
     bodies = [object_solids.run(one.mesh, one.parts, object_solids.Params()) for one in built]
-    core = Grasping(hand, [task(body, [part for part in body.parts if part != "handle"]) for body in bodies], Config(base="script"))
+    core = GraspWorlds(hand, [make_task(body, [part for part in body.parts if part != "handle"]) for body in bodies],
+                       GraspEnvConfig(base="script"))
     rngs = [np.random.default_rng(k) for k in range(len(TOOLS))]
     core.reset(range(len(TOOLS)), rngs)
     for _ in range(BEFORE):
@@ -60,16 +60,22 @@ def grasps() -> Grasping:
     return core
 
 
-def sizes(core: Grasping) -> str:
+def sizes(core: GraspWorlds) -> str:
     """Of both networks."""
     rows = ["| size | numbers of the robot | points | token | blocks | heads | dropout | perceptron | weights |",
             "|---|--:|---|--:|--:|--:|--:|---|--:|"]  # fmt: skip
     for size, layout in (("small", "small"), ("paper", "paper")):
-        model = made(size, Sight(core, Senses(Rig(1, 16), Eyes(16, layout=layout))).look().robot.shape[1], core.motors, 0)
+        model = new_student(size, _robot_width(core, layout), core.motors, 0)
         c = model.config
         rows.append(f"| {size} | {c.robot} | {', '.join(map(str, c.points))} | {c.width} | {c.blocks} | {c.heads} | {c.dropout:g} "
                     f"| {', '.join(map(str, c.hidden))} | {sum(p.numel() for p in model.parameters()):,} |")
     return "\n".join([*rows, ""])
+
+
+def _robot_width(core: GraspWorlds, layout: str) -> int:
+    """Width of the robot's own numbers in a layout."""
+    sensors = StudentSensors(CameraRig(1, 16), CloudSampling(16, layout=layout))
+    return int(StudentObserver(core, sensors).observe().robot.shape[1])
 
 
 def noise() -> str:
@@ -78,15 +84,15 @@ def noise() -> str:
     return "\n".join(["| of DepthNoise | from | to | spread |", "|---|--:|--:|---|", *rows, ""])
 
 
-def costs(core: Grasping) -> str:
+def costs(core: GraspWorlds) -> str:
     """Pictures, clouds, network."""
     rows = ["| views | pixels | points | sampling | network | pictures | all that is seen | network | in all |",
             "|--:|--:|--:|---|---|--:|--:|--:|--:|"]  # fmt: skip
     for size, senses in SETTINGS:
-        look, state = Sight(core, senses), core.state()
-        seen = [torch.from_numpy(part) for part in look.look()]
-        model = made(size, seen[0].shape[1], core.motors, 0).eval()
-        pictures = cost(lambda look=look, state=state: shoot(look.cameras, look.hand, look.bodies, state.q, state.body))
+        look, state = StudentObserver(core, senses), core.state()
+        seen = [torch.from_numpy(part) for part in look.observe()]
+        model = new_student(size, seen[0].shape[1], core.motors, 0).eval()
+        pictures = cost(lambda look=look, state=state: render_depth(look.cameras, look.hand, look.bodies, state.q, state.body))
         everything, network = cost(look.look), cost(lambda model=model, seen=seen: model(*seen))
         rig, eyes = senses.rig, senses.eyes
         rows.append(f"| {rig.views} | {rig.size_px} | {eyes.points} | {eyes.sampling} | {size} | {pictures:.1f} | {everything:.1f} "

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from afford.rgbd.evaluate import page
-from afford.rgbd.evaluate.recipes import ALL, recipes
-from afford.rgbd.evaluate.report import by_label, plan
+from afford.rgbd.evaluate import report
+from afford.rgbd.evaluate.ablation_rows import ALL, recipes
+from afford.rgbd.evaluate.report import figures_by_row, planned_seeds
 from benchmarks.pages import ROOT
 
 KEPT = ROOT / "benchmarks" / "sor3d_ablation.json"
@@ -30,6 +30,6 @@ def table(known: Kept, motion: Mapping[str, float]) -> str:
     """Every row over as many seeds as any row has, and at which commits they were trained; the motion, which has no seeds."""
     planned = recipes(ALL, range(1 + max(int(name.rpartition("-")[2]) for name in known)))
     done = {name: one["figures"] for name, one in known.items()}
-    text = page.ablation(by_label(planned, done), plan(planned)) + page.motion(motion)
+    text = report.ablation_page(figures_by_row(planned, done), planned_seeds(planned)) + report.flow_page(motion)
     commits = ", ".join(dict.fromkeys(known[recipe.name]["commit"] for recipe in planned if recipe.name in known))
     return f"Trained at the commits {commits}.\n\n{text.partition(chr(10) * 2)[2]}"

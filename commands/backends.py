@@ -1,4 +1,7 @@
-"""`backends`: every backend of every stage: what it does, what it needs, whether it can be used here, and why not."""
+"""The verb `backends`: for each backend of each stage, its task, its requirements, and whether it is usable here.
+
+Descriptions are read from source files; no backend is imported.
+"""
 
 from __future__ import annotations
 
@@ -28,11 +31,11 @@ from runner.selection import selector
 
 ROOT = Path(__file__).resolve().parent.parent
 DECLARATIONS = ("WEIGHTS", "SERVER", "EXTRA", "PACKAGES")
-"""constants by which the module of a backend says what it needs: weights, a server, an extra of pyproject.toml and its packages"""
+"""constants of a backend's module that declare weights, a server, an extra of pyproject.toml, and its packages"""
 DECIDES = "Everything that decides "
-"""how the module of a training begins; what follows is what the backend does"""
+"""prefix of a training module's docstring, before the description of the backend"""
 STOP = re.compile(r"(?<!\bal)(?<!\be\.g)(?<!\bi\.e)(?<!\bcf)\. ")
-"""the end of a sentence; `et al.` is none"""
+"""end of a sentence, except in `et al.` and similar"""
 
 
 @dataclass(frozen=True)
@@ -40,13 +43,13 @@ class Backend:
     """One entry of a registry."""
 
     owner: str
-    """module that holds the registry: 'stages.extraction.mask_densify'"""
+    """module of the registry: 'stages.extraction.mask_densify'"""
     registry: str
     name: str
     entry: str
     """'module:attribute'"""
     about: str
-    """what it does, in its own words"""
+    """first sentence of its docstring"""
     weights: str = ""
     server: str = ""
     extra: str = ""
@@ -54,31 +57,33 @@ class Backend:
 
     @property
     def stage(self) -> str:
-        """The stage that holds the registry; the full name of a module that is no stage."""
+        """Stage of the registry; the full module name for a registry outside the stages."""
         return self.owner.rpartition(".")[2] if self.owner.startswith("stages.") else self.owner
 
     @property
     def module(self) -> str:
+        """Module of the backend."""
         return self.entry.partition(":")[0]
 
 
 def backends_of(stage: str) -> list[Backend]:
-    """The backends of a stage; none for a name that no stage has."""
+    """Backends of a stage; none for an unknown name."""
     return [one for path in (ROOT / "stages").glob(f"*/{stage}.py") for one in _of(_modules(), _name(path))]
 
 
 def _name(path: Path) -> str:
-    """The module of a file."""
+    """Module name of a file."""
     return ".".join(path.relative_to(ROOT).with_suffix("").parts)
 
 
 def all_backends() -> list[Backend]:
-    """Those of every stage, then those of `afford` that stages choose from by other names; not those that only find the other
-    half of what a stage has chosen.
+    """Backends of every stage, then those of `afford` registries that stages select from by other names.
+
+    A registry with the same entries as a stage's registry is omitted.
     """
     inside = [path for path in sorted((ROOT / "afford").rglob("*.py")) if not path.is_relative_to(ROOT / "afford" / "codecs")]
     stages = sorted((ROOT / "stages").glob("*/*.py"), key=lambda path: path.name)
-    paths = [*stages, *inside]  # how a codec writes a field is no choice of a user
+    paths = [*stages, *inside]  # registries of the codecs are not for users
     names = [_name(path) for path in paths if '": "afford.' in path.read_text()]
     held = {name: _of(_modules(), name) for name in names}
     chosen = {_choice(found) for name, found in held.items() if name.startswith("stages.")}
@@ -86,49 +91,51 @@ def all_backends() -> list[Backend]:
 
 
 def _choice(found: Iterable[Backend]) -> frozenset[tuple[str, str]]:
-    """Between what a module chooses."""
+    """Registry and entry names of a module, for comparison."""
     return frozenset((one.registry, one.name) for one in found)
 
 
 def _of(modules: Modules, owner: str) -> list[Backend]:
     found = modules.get(owner)
     registries = found.registries if found else {}
-    return [Backend(owner, registry, name, entry, **_said(name, entry, _shared(entry, entries.values())))
+    return [Backend(owner, registry, name, entry, **_declared(name, entry, _shared(entry, entries.values())))
             for registry, entries in registries.items() for name, entry in entries.items()]
 
 
 def _shared(entry: str, entries: Iterable[str]) -> bool:
-    """Whether the module of an entry holds another entry of the registry."""
+    """Return True when the module of an entry holds another entry of the registry."""
     module = entry.partition(":")[0]
     return any(other != entry and other.partition(":")[0] == module for other in entries)
 
 
 @cache
-def _said(name: str, entry: str, shared: bool) -> dict[str, Any]:
-    """Sentence of a backend from its module, or from its own docstring where a module holds several; and what the backend needs.
+def _declared(name: str, entry: str, shared: bool) -> dict[str, Any]:
+    """Description and requirements of a backend.
 
-    A module that serves several backends has a dict of needs by name.
+    The description is from its module, or from its own docstring if several backends share the module. Such a module declares its
+    requirements in dicts by name.
     """
     module, _, attribute = entry.partition(":")
-    tree = ast.parse((ROOT / Path(*module.split("."))).with_suffix(".py").read_text(encoding="utf-8"))
+    found = _modules().get(module)
+    tree = ast.parse(Path(found.path).read_text(encoding="utf-8") if found else "")
     own = [node for node in tree.body if isinstance(node, (ast.FunctionDef, ast.ClassDef)) and node.name == attribute]
-    said = ast.get_docstring(tree) or ""
+    module_text = ast.get_docstring(tree) or ""
     constants = {node.targets[0].id: ast.literal_eval(node.value) for node in tree.body
                  if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name) and node.targets[0].id in DECLARATIONS}
-    mine = ast.get_docstring(own[0]) if own and shared else None
-    return {"about": _sentence(mine or said), **{
+    own_text = ast.get_docstring(own[0]) if own and shared else None
+    return {"about": _sentence(own_text or module_text), **{
         need.lower(): value.get(name, "") if isinstance(value, dict) else value for need, value in constants.items()}}
 
 
 def _sentence(text: str) -> str:
-    """The first paragraph up to the end of its first sentence."""
+    """First sentence of the first paragraph."""
     line = " ".join(text.partition("\n\n")[0].split())
-    told = STOP.split(line, maxsplit=1)[0].rstrip(".").removeprefix(DECIDES)
-    return f"{told[:1].upper()}{told[1:]}."
+    sentence = STOP.split(line, maxsplit=1)[0].rstrip(".").removeprefix(DECIDES)
+    return f"{sentence[:1].upper()}{sentence[1:]}."
 
 
 def third_party(backend: Backend) -> set[str]:
-    """Import names of the packages that the code of a backend reaches, and of those that its extra brings."""
+    """Import names of the packages that the code of a backend reaches, and of those of its extra."""
     select = {selector(backend.registry): backend.name}
     return set(fingerprint(_modules(), backend.entry, select).third_party) | set(backend.packages)
 
@@ -139,16 +146,16 @@ def _modules() -> Modules:
 
 
 PIPED_WIDTH = 100
-"""columns where no terminal says how many"""
+"""width in columns without a terminal"""
 
 
 @dataclass(frozen=True)
 class Row:
-    """One line of the table."""
+    """One row of the table."""
 
     stage: str
     parameter: str
-    """what chooses it: STAGE.backend, or MODULE:REGISTRY where parameters of other names do"""
+    """parameter that selects it: STAGE.backend, or MODULE:REGISTRY for parameters of other names"""
     backend: str
     about: str
     needs: str
@@ -157,8 +164,10 @@ class Row:
 
 
 def show(stage: str | None, sets: Iterable[str], file: Path | None, json: bool, out: Path | None) -> int:
-    """Print the table, or write it as Markdown to `out`; settings may name models, which are then looked at. Nothing heavy is
-    imported, nothing fetched. UsageError for an unknown stage.
+    """Print the table, or write it as Markdown to `out`.
+
+    Models that the settings name are looked up. Nothing heavy is imported and nothing is downloaded. UsageError for an unknown
+    stage.
     """
     found = rows(settings(sets, file), (stage or "").replace("-", "_"))
     if out:
@@ -171,7 +180,10 @@ def show(stage: str | None, sets: Iterable[str], file: Path | None, json: bool, 
 
 
 def rows(chosen: Settings, stage: str = "") -> list[Row]:
-    """Every entry of every registry, in the order of the stages, or those of one. UsageError when it has none."""
+    """Rows of every registry entry, in the order of the stages, or those of one stage.
+
+    UsageError when the stage has no backends.
+    """
     owners = {one.stage for one in all_backends()}
     if stage and stage not in owners:
         raise unknown("stage with backends", stage, owners)
@@ -180,12 +192,12 @@ def rows(chosen: Settings, stage: str = "") -> list[Row]:
 
 
 def _params(chosen: Settings, stage: str) -> Any:
-    """The parameters of a stage, None for what is no stage with parameters of its own."""
+    """Parameters of a stage; None for a module that is not a stage with parameters."""
     return chosen.params(stage) if stage in SYSTEM_OF else None
 
 
 def markdown(found: list[Row]) -> str:
-    """The table of docs/backends.md: what there is and what it needs, without what this machine has."""
+    """Table of docs/backends.md: backends and their requirements, independent of this machine."""
     lines = ["| chosen by | backend | what it does | needs |", "|---|---|---|---|"]
     return "\n".join([*lines, *(f"| {row.parameter} | `{row.backend}` | {row.about} | {row.needs} |" for row in found)]) + "\n"
 
@@ -202,14 +214,14 @@ def _row(backend: Backend, params: Any) -> Row:
 
 
 def _packages(backend: Backend) -> str:
-    """Which packages are missing, '' for none."""
+    """Missing packages, '' for none."""
     missing = [name for name in sorted(third_party(backend)) if importlib.util.find_spec(name) is None]
     hint = f"; make setup EXTRA={backend.extra}" if backend.extra else "; make setup"
     return f"not installed: {', '.join(missing)}{hint}" if missing else ""
 
 
 def _weights(backend: Backend, owner: str, params: Any) -> str:
-    """Whether the files of the model that the settings name are here, by their names alone."""
+    """Reason why the model files that the settings name are missing here, '' if they exist."""
     if not backend.weights:
         return ""
     own = block(params, backend.name)
@@ -220,12 +232,12 @@ def _weights(backend: Backend, owner: str, params: Any) -> str:
     if place.is_file() or (place.is_dir() and any(place.rglob("*.safetensors")) and any(place.rglob("*.json"))):
         return ""
     if place.exists():
-        return f"{model}: expected .json and .safetensors files of a model, got none"
-    return "" if _in_cache(model) else f"{model}: no such folder, and no such hub id among what was downloaded"
+        return f"{model}: no .json and .safetensors files of a model; name the folder of a model"
+    return "" if _in_cache(model) else f"{model}: no such folder, and no such hub id in the download cache"
 
 
 def _in_cache(model: str) -> bool:
-    """Whether a hub id was downloaded before, in the revision that it names."""
+    """Return True when a hub id was downloaded before, in the revision that it names."""
     from huggingface_hub import try_to_load_from_cache
     from huggingface_hub.errors import HFValidationError
 
@@ -239,7 +251,10 @@ def _in_cache(model: str) -> bool:
 
 
 def _server(backend: Backend, owner: str, params: Any) -> str:
-    """Whether an address and a key are given; the key is not looked at, and nobody is asked."""
+    """Reason why the server cannot be used, '' if an address and a key are given.
+
+    The key is not read, and no request is sent.
+    """
     if not backend.server:
         return ""
     own = block(params, backend.name)
@@ -250,24 +265,24 @@ def _server(backend: Backend, owner: str, params: Any) -> str:
 
 
 def _print(found: list[Row]) -> None:
-    """A block for each: what chooses it and whether it can be used here, then what it does and needs, wrapped; nothing is cut."""
+    """Print one block per backend: parameter and usability, then description and requirements, wrapped."""
     console = Console(width=None if sys.stdout.isatty() else PIPED_WIDTH)
     for row in found:
-        here = "[green]here[/]" if row.usable else "[red]not here[/]"
+        here = "[green]usable[/]" if row.usable else "[red]not usable[/]"
         console.print(f"[bold]{row.parameter}[/] = [bold]{row.backend}[/]  {here}", highlight=False, overflow="fold")
         needs = f"needs {row.needs}" if row.needs else ""
-        why = f"not here, for {row.why_not}" if row.why_not else ""
+        why = f"not usable here: {row.why_not}" if row.why_not else ""
         for text in filter(None, (row.about, needs, why)):
             console.print(Padding(escape(text), (0, 0, 0, 4)), highlight=False, overflow="fold")
 
 
 def _write(out: Path, table: str) -> None:
-    """Between the marks of a page that has them."""
+    """Write the table between the markers of a page."""
     text = out.read_text(encoding="utf-8") if out.is_file() else ""
     before, start, rest = text.partition(START)
     _, end, after = rest.partition(END)
     if not (start and end):
-        raise UsageError(f"--out {out}: expected a page with the lines {START} and {END}, between which the table is written")
+        raise UsageError(f"--out {out}: the page lacks the lines {START} and {END}, between which the table is written")
     out.write_text(f"{before}{START}\n{table}{END}{after}", encoding="utf-8")
 
 

@@ -1,4 +1,4 @@
-"""The verb `check`: what would become of a source, before anything is run. Nothing is written, and no model is used."""
+"""The verb `check`: show how `run` would read a source. Nothing is written, and no model is used."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from afford.common.errors import SourceError
 from afford.common.folders import VIDEO_SUFFIXES, entries
 from afford.extraction.sources.cut import Cutting
 from afford.extraction.sources.discover import discover
-from afford.extraction.sources.examine import Examined, examine
+from afford.extraction.sources.examine import VideoSummary, examine
 from afford.surface.meshes.read import is_mesh
 from afford.surface.meshes.surface import URDF
 from commands.errors import UsageError, unknown
@@ -24,19 +24,19 @@ from commands.settings import settings
 from maps.settings import Settings
 
 SHOWN = 6
-"""clips, categories and narrations of a video that are listed; of more, the number (--json has all)"""
+"""clips, categories and narrations listed for a video; --json lists all"""
 Refusals = list[tuple[str, str]]
-"""(video or object, why), one sentence each"""
+"""(video or object, reason), one sentence each"""
 
 
 @dataclass
 class SourceReport:
-    """A source as `run` would take it."""
+    """A source as `run` would read it."""
 
     source: str
     kind: str
-    """epic, own, bare or meshes; '' for a folder that is no source"""
-    videos: list[Examined] = field(default_factory=list)
+    """epic, own, bare or meshes; '' for a folder that is not a source"""
+    videos: list[VideoSummary] = field(default_factory=list)
     meshes: list[dict[str, Any]] = field(default_factory=list)
     missing: list[str] = field(default_factory=list)
     """annotated videos without media"""
@@ -44,15 +44,18 @@ class SourceReport:
 
     @property
     def ok(self) -> bool:
-        """Whether all of it can be used."""
+        """True when all of the source is usable."""
         return not self.refused
 
 
 def check(root: Path, clips: Sequence[str], sets: Sequence[str], as_json: bool) -> int:
-    """Show a source; 0 when all of it can be used, 1 when something is refused. UsageError when `root` is no folder."""
+    """Show a source.
+
+    Returns 0 when all of it is usable, 1 when a part is refused. UsageError when `root` is not a folder.
+    """
     if not root.is_dir():
-        raise UsageError(f"{root}: expected a folder, got {'a file' if root.exists() else 'nothing there'}; give a source, see "
-                         "docs/extraction/own-video.md")  # fmt: skip
+        got = "is a file" if root.exists() else "does not exist"
+        raise UsageError(f"{root} {got}; give the folder of a source, see docs/extraction/own-video.md")
     found = _checked(root, clips, settings(sets, None))
     if as_json:
         sys.stdout.write(json.dumps(_tree(found), sort_keys=True) + "\n")
@@ -80,7 +83,7 @@ def _videos(root: Path, clips: Sequence[str], chosen: Settings) -> SourceReport:
     return SourceReport(str(root), source.kind, videos, missing=list(source.missing), refused=refused)
 
 
-def _check_clips(clips: Sequence[str], videos: Sequence[Examined]) -> None:
+def _check_clips(clips: Sequence[str], videos: Sequence[VideoSummary]) -> None:
     names = [name for video in videos for name in (video.video, *(clip.clip_id for clip in video.clips))]
     for clip in clips:
         if clip not in names:
@@ -88,7 +91,7 @@ def _check_clips(clips: Sequence[str], videos: Sequence[Examined]) -> None:
 
 
 def _unread(path: Path) -> str:
-    """In place of a digest: what is only looked at needs none."""
+    """Empty digest, since no content is stored."""
     return ""
 
 
@@ -115,12 +118,12 @@ def _meshes(root: Path) -> SourceReport:
     return checked
 
 
-# -- what is shown -----------------------------------------------------------------------------------------------------
+# -- output ------------------------------------------------------------------------------------------------------------
 
 
 def _lines(found: SourceReport) -> Iterator[str]:
     kinds = {"epic": "an EPIC-KITCHENS / VISOR root", "own": "a video with masks", "bare": "video without masks",
-             "meshes": "meshes", "": "no source"}  # fmt: skip
+             "meshes": "meshes", "": "not a source"}  # fmt: skip
     yield f"[bold]{escape(found.source)}[/]: {kinds[found.kind]}"
     for video in found.videos:
         yield from _of_video(video)
@@ -136,7 +139,7 @@ def _lines(found: SourceReport) -> Iterator[str]:
     yield f"{usable} usable, {len(found.refused)} refused, {warnings} warning(s)"
 
 
-def _of_video(video: Examined) -> Iterator[str]:
+def _of_video(video: VideoSummary) -> Iterator[str]:
     size = f"{video.size_wh[0]}x{video.size_wh[1]}, " if video.size_wh[0] else ""
     yield escape(f"{video.video}: {video.media or 'unreadable'}, {size}{video.frames} frames at {video.fps:g} a second")
     clips = [f"{clip.clip_id} ({clip.first_frame} to {clip.last_frame}, {len(clip.key_frames)} key frames)" for clip in video.clips]
@@ -147,12 +150,12 @@ def _of_video(video: Examined) -> Iterator[str]:
         named = _some([_category(one) for one in video.categories])
         yield escape(f"  masks       {named}" + (f"; drawn on {grids}" if grids else ""))
     elif video.clips:
-        yield "  masks       none: hands are looked for (hand_detect)"
+        yield "  masks       none: hands will be detected (hand_detect)"
     for hand, counts in sorted(video.contacts.items()):
         yield escape(f"  {hand:<11} {', '.join(f'{kind} in {count}' for kind, count in counts.most_common())}")
     if video.clips:
-        told = [f"{n.text!r} ({n.start_frame} to {n.stop_frame}): {n.verb}, {n.noun}" for n in video.narrations]
-        yield escape(f"  narrations  {len(told)}" + (f": {_some(told)}" if told else ""))
+        narrations = [f"{n.text!r} ({n.start_frame} to {n.stop_frame}): {n.verb}, {n.noun}" for n in video.narrations]
+        yield escape(f"  narrations  {len(narrations)}" + (f": {_some(narrations)}" if narrations else ""))
     yield from (f"  [yellow]warning[/]     {escape(text)}" for text in video.warnings)
 
 
@@ -170,7 +173,7 @@ def _tree(found: SourceReport) -> dict[str, Any]:
             "videos": [_branch(video) for video in found.videos]}  # fmt: skip
 
 
-def _branch(video: Examined) -> dict[str, Any]:
+def _branch(video: VideoSummary) -> dict[str, Any]:
     clips = [{"clip": clip.clip_id, "first_frame": clip.first_frame, "last_frame": clip.last_frame,
               "key_frames": [key.frame for key in clip.key_frames]} for clip in video.clips]  # fmt: skip
     return {"video": video.video, "media": video.media, "frames": video.frames, "fps": video.fps, "size": list(video.size_wh),

@@ -1,4 +1,4 @@
-"""The command line: which verbs there are, and what they take. What they do is in the other files of this room."""
+"""The command line: verbs and their options. The implementations are in the other modules of this package."""
 
 from __future__ import annotations
 
@@ -17,23 +17,24 @@ from runner.signals import TERMINATED, terminating
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, rich_markup_mode="rich")
 
 NAMED = "TARGETS"
-"""in a help text: what `main` sets the names of the targets for"""
+"""placeholder in help texts, which `main` replaces with the names of the targets"""
 Target = Annotated[str | None, typer.Argument(help=f"{NAMED}; default: dataset, or the first that has the stage of --only",
                                               show_default=False)]  # fmt: skip
 Wanted = Annotated[str | None, typer.Argument(help=f"{NAMED}; or a stage; default: dataset", show_default=False)]
 Drawn = Annotated[str | None, typer.Argument(help=f"{NAMED}; default: dataset", show_default=False)]
-SourceDir = Annotated[Path | None, typer.Option("--source", help="EPIC root, videos, meshes, RGB-D, pictures; default: rendered")]
-Clips = Annotated[list[str] | None, typer.Option("--clip", help="only this clip (again for more)")]
-Sets = Annotated[list[str] | None, typer.Option("--set", help="STAGE.PARAM=VALUE (again for more)")]
+SourceDir = Annotated[Path | None, typer.Option("--source", help="EPIC root, folder of videos, meshes, RGB-D or pictures; default: "
+                                                "rendered data")]
+Clips = Annotated[list[str] | None, typer.Option("--clip", help="only this clip (repeatable)")]
+Sets = Annotated[list[str] | None, typer.Option("--set", help="STAGE.PARAM=VALUE (repeatable)")]
 ParamsFile = Annotated[Path | None, typer.Option("--params", help="TOML or JSON, one table per stage")]
-Store = Annotated[Path | None, typer.Option("--store", help="where everything is kept; default: artifacts/")]
-Model = Annotated[Path | None, typer.Option("--model", help="folder of a trained model; default: the one trained last")]
+Store = Annotated[Path | None, typer.Option("--store", help="folder of the store; default: artifacts/")]
+Model = Annotated[Path | None, typer.Option("--model", help="folder of a trained model; default: the model trained last")]
 Device = Annotated[str, typer.Option(help="cpu or cuda")]
-Json = Annotated[bool, typer.Option("--json", help="one JSON object as the last line")]
+Json = Annotated[bool, typer.Option("--json", help="print one JSON object as the last line")]
 
 
 def _print_version(wanted: bool) -> None:
-    """The version that pyproject.toml states, and no more."""
+    """Print the name and the version in pyproject.toml."""
     if wanted:
         project = tomllib.loads((Path(__file__).resolve().parent.parent / "pyproject.toml").read_text(encoding="utf-8"))["project"]
         typer.echo(f"{project['name']} {project['version']}")
@@ -44,7 +45,7 @@ def _print_version(wanted: bool) -> None:
 def _top(
     version: Annotated[bool, typer.Option("--version", is_eager=True, callback=_print_version, help="print the version")] = False,
 ) -> None:
-    """From video of people to where each hand goes on an object: one content-hashed pipeline."""
+    """Two-hand affordances and grasps from video of people: one content-hashed pipeline."""
 
 
 @app.command()
@@ -55,21 +56,21 @@ def run(
     set_: Sets = None,
     params: ParamsFile = None,
     only: Annotated[str | None, typer.Option(help="run one stage, by its name or that of its file, on its last inputs, and record "
-                                             "it; says when they are stale, and makes them where it never ran")] = None,
-    record: Annotated[bool | None, typer.Option("--record/--no-record", help="with --only: record what the stage made; default: "
-                                                "yes", show_default=False)] = None,
-    force: Annotated[list[str] | None, typer.Option(help="run this stage even if cached (again for more)")] = None,
+                                             "it; reports stale inputs, and computes missing ones")] = None,
+    record: Annotated[bool | None, typer.Option("--record/--no-record", help="with --only: record the output of the stage; "
+                                                "default: yes", show_default=False)] = None,
+    force: Annotated[list[str] | None, typer.Option(help="run this stage even if cached (repeatable)")] = None,
     jobs: Annotated[int | None, typer.Option(help="worker processes; default: one per core; 0: none")] = None,
-    minutes: Annotated[float | None, typer.Option(min=0, help="after so long, leave rows of a table for the next run; inf: never; "
-                                                  "default: never, of grasp-full and sor3d-ablation 75")] = None,
+    minutes: Annotated[float | None, typer.Option(min=0, help="time limit, after which optional parts are deferred to the next "
+                                                  "run; default: inf (none), for grasp-full and sor3d-ablation 75")] = None,
     store: Store = None,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="show what would run, and why")] = False,
-    rehash: Annotated[bool, typer.Option(help="read every source file again")] = False,
-    replace: Annotated[bool, typer.Option("--replace", help="let an output of some clips alone, or without those that failed, take "
-                                          "the place of the whole one; default: it is named <name>-part")] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="show the tasks that would run, with reasons; run nothing")] = False,
+    rehash: Annotated[bool, typer.Option(help="hash every source file again")] = False,
+    replace: Annotated[bool, typer.Option("--replace", help="publish a partial output (some clips only, or after failures) in "
+                                          "place of a complete one; default: under the name <name>-part")] = False,
     json: Json = False,
 ) -> None:
-    """Make a target. What was made before from the same code, parameters and inputs is not made again."""
+    """Run a target; results are cached by code, parameters and inputs."""
     request = _request(target, source, clip, set_, params, store, json, only=only, force=force, jobs=jobs, rehash=rehash,
                        minutes=minutes, replace=replace, record=record)
     if dry_run:
@@ -88,7 +89,7 @@ def check(
     set_: Sets = None,
     json: Json = False,
 ) -> None:
-    """What would become of a source: clips, masks, contacts, narrations, warnings, refusals. Nothing is written."""
+    """Check a source before a run: clips, masks, contacts, narrations, warnings, refusals. Nothing is written."""
     from commands.check import check as look
 
     raise typer.Exit(look(folder, tuple(clip or ()), tuple(set_ or ()), json))
@@ -97,7 +98,7 @@ def check(
 @app.command()
 def status(target: Wanted = None, source: SourceDir = None, set_: Sets = None, params: ParamsFile = None,
            store: Store = None, json: Json = False) -> None:  # fmt: skip
-    """How much of a target, or of a stage, is made, and what failed."""
+    """Show the progress of a target or of a stage, and its failures."""
     from commands.store import status as show
 
     raise typer.Exit(show(_request(target, source, None, set_, params, store, json)))
@@ -115,7 +116,7 @@ def explain(
     store: Store = None,
     json: Json = False,
 ) -> None:
-    """Why a stage would run, or ran the last time."""
+    """Explain the next or last run of each task of a stage."""
     from commands.store import explain as show
 
     raise typer.Exit(show(_request(target, source, None, set_, params, store, json, only=stage), clip))
@@ -124,7 +125,7 @@ def explain(
 @app.command()
 def graph(target: Drawn = None, source: SourceDir = None,
           out: Annotated[Path | None, typer.Option("--out", help="draw to this .svg or .png")] = None) -> None:  # fmt: skip
-    """The stages of a target and what they read."""
+    """Show the stages of a target and their inputs."""
     from commands.store import graph as show
 
     raise typer.Exit(show(_request(target, source, None, None, None, None, False), out))
@@ -132,11 +133,11 @@ def graph(target: Drawn = None, source: SourceDir = None,
 
 @app.command()
 def lineage(
-    artifact: Annotated[str, typer.Argument(help="digest, its beginning, a path, or a stage: what it made last")],
+    artifact: Annotated[str, typer.Argument(help="digest, its prefix, a path, or a stage (its last output)")],
     store: Store = None,
     json: Json = False,
 ) -> None:
-    """What an artifact was made from, down to the files that came from outside."""
+    """Show the provenance of an artifact, down to the files from outside."""
     from commands.store import lineage as show
 
     raise typer.Exit(show(artifact, store, json))
@@ -144,7 +145,10 @@ def lineage(
 
 @app.command()
 def verify(store: Store = None, json: Json = False) -> None:
-    """Read everything in the store and check it; damaged blobs are set aside and made again by the next run."""
+    """Read and check the whole store.
+
+    Damaged blobs are moved aside; the next run computes them again.
+    """
     from commands.store import verify as check
 
     raise typer.Exit(check(store, json))
@@ -153,10 +157,10 @@ def verify(store: Store = None, json: Json = False) -> None:
 @app.command()
 def gc(
     store: Store = None,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="count what would go, delete nothing")] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="count the files that would be deleted, delete nothing")] = False,
     json: Json = False,
 ) -> None:
-    """Delete what the last use of every clip does not reach."""
+    """Delete everything that the last use of every clip does not reach."""
     from commands.store import gc as sweep
 
     raise typer.Exit(sweep(store, dry_run, json))
@@ -170,12 +174,12 @@ def inspect(
     rerun: Annotated[bool, typer.Option("--rerun", help="open the Rerun viewer")] = False,
     save: Annotated[Path | None, typer.Option(help="write an .rrd for the Rerun viewer, layout included")] = None,
     layout: Annotated[Path | None, typer.Option(help="write a layout for Foxglove, .json")] = None,
-    diff: Annotated[bool, typer.Option("--diff", help="name what differs between two recordings")] = False,
-    sort: Annotated[str, typer.Option(help="order of many: name, messages, seconds, bytes or problem")] = "name",
+    diff: Annotated[bool, typer.Option("--diff", help="list the differences between two recordings")] = False,
+    sort: Annotated[str, typer.Option(help="order of several recordings: name, messages, seconds, bytes or problem")] = "name",
     store: Store = None,
     json: Json = False,
 ) -> None:
-    """What recordings hold, whether they are whole, and how they look."""
+    """Show the content, integrity and pictures of recordings."""
     from commands.inspect import Options
     from commands.inspect import inspect as look
 
@@ -185,7 +189,7 @@ def inspect(
 @app.command()
 def params(stage: Annotated[str | None, typer.Argument(help="a stage, or a system; default: all")] = None,
            json: Json = False) -> None:  # fmt: skip
-    """Every parameter: its type, its default, what it means."""
+    """List parameters with type, default and meaning."""
     from commands.params import show
 
     raise typer.Exit(show(stage, json))
@@ -193,15 +197,15 @@ def params(stage: Annotated[str | None, typer.Argument(help="a stage, or a syste
 
 @app.command("fetch-list")
 def fetch_list(
-    root: Annotated[Path, typer.Argument(help="folder that the files are for; what it holds is left out of the list")],
-    video: Annotated[list[str] | None, typer.Option(help="only this video, e.g. P03_101 (again for more)")] = None,
-    participant: Annotated[list[str] | None, typer.Option(help="only videos of this person, e.g. P03 (again for more)")] = None,
+    root: Annotated[Path, typer.Argument(help="folder for the files; files that it holds are omitted from the list")],
+    video: Annotated[list[str] | None, typer.Option(help="only this video, e.g. P03_101 (repeatable)")] = None,
+    participant: Annotated[list[str] | None, typer.Option(help="only videos of this person, e.g. P03 (repeatable)")] = None,
     split: Annotated[str, typer.Option(help="only VISOR's train or val")] = "",
-    kind: Annotated[list[str] | None, typer.Option("--with", help="tables, sparse, dense, key-frames, frames or videos (again "
-                                                   "for more); default: tables, sparse, frames")] = None,
+    kind: Annotated[list[str] | None, typer.Option("--with", help="tables, sparse, dense, key-frames, frames or videos "
+                                                   "(repeatable); default: tables, sparse, frames")] = None,
     json: Json = False,
 ) -> None:
-    """What of EPIC-KITCHENS and VISOR is still to be downloaded into a folder, as a list for a downloader. Nothing is fetched."""
+    """List the files of EPIC-KITCHENS and VISOR that a folder lacks, for a downloader. Nothing is downloaded."""
     from commands.fetch_list import Subset
     from commands.fetch_list import fetch_list as show
 
@@ -214,10 +218,10 @@ def backends(
     stage: Annotated[str | None, typer.Argument(help="a stage; default: all")] = None,
     set_: Sets = None,
     params: ParamsFile = None,
-    out: Annotated[Path | None, typer.Option("--out", help="write the table between the marks of this page")] = None,
+    out: Annotated[Path | None, typer.Option("--out", help="write the table between the markers of this page")] = None,
     json: Json = False,
 ) -> None:
-    """Every backend: what it does, what it needs, whether it can be used here, and why not."""
+    """List backends: task, requirements, and whether each is usable here."""
     from commands.backends import show
 
     raise typer.Exit(show(stage, set_ or (), params, json, out))
@@ -238,27 +242,27 @@ def export(
 
 @app.command()
 def predict(
-    image: Annotated[Path, typer.Argument(help="an image, a video, or a folder of them; sor3d: or of a sequence's frames")],
-    out: Annotated[Path, typer.Option("--out", help="where to write; new, empty, or what this verb wrote before")],
-    task: Annotated[str, typer.Argument(help="what is to be done: \"pour tea from kettle\"; none for sor3d")] = "",
-    model: Annotated[Path | None, typer.Option("--model", help="folder of a trained model, or sor3d: the one that `run sor3d` "
-                                               "trained last; default: the two-hand model trained last")] = None,
+    image: Annotated[Path, typer.Argument(help="an image, a video, or a folder of them; sor3d: also a folder of frames")],
+    out: Annotated[Path, typer.Option("--out", help="output folder: new, empty, or written by this verb before")],
+    task: Annotated[str, typer.Argument(help="the task, e.g. \"pour tea from kettle\"; none for sor3d")] = "",
+    model: Annotated[Path | None, typer.Option("--model", help="folder of a trained model, or sor3d for the last model of `run "
+                                               "sor3d`; default: the two-hand model trained last")] = None,
     hands: Annotated[str, typer.Option(help="auto (the model chooses), left, right or both")] = "auto",
-    threshold: Annotated[float | None, typer.Option(help="probability of a region's pixels; default: the model's")] = None,
-    all_hypotheses: Annotated[bool, typer.Option("--all-hypotheses", help="write the mask of every hypothesis too")] = False,
-    every: Annotated[int, typer.Option(help="of a video, every n-th frame")] = 10,
-    batch: Annotated[int | None, typer.Option(help="pictures at once; default: 1, on a GPU 8")] = None,
+    threshold: Annotated[float | None, typer.Option(help="probability threshold of region pixels; default: the model's")] = None,
+    all_hypotheses: Annotated[bool, typer.Option("--all-hypotheses", help="also write the mask of every hypothesis")] = False,
+    every: Annotated[int, typer.Option(help="use every n-th frame of a video")] = 10,
+    batch: Annotated[int | None, typer.Option(help="batch size; default: 1, on a GPU 8")] = None,
     device: Device = "cpu",
     force: Annotated[bool, typer.Option("--force", help="write into a folder that holds other files")] = False,
-    depth: Annotated[Path | None, typer.Option(help="sor3d: depth, PNG of 16 bits in mm, .npy in m, or a folder")] = None,
+    depth: Annotated[Path | None, typer.Option(help="sor3d: depth as 16-bit PNG in mm, .npy in m, or a folder of them")] = None,
     intrinsics: Annotated[Path | None, typer.Option(help="sor3d: camera as JSON: fx, fy, cx, cy, or K")] = None,
-    focal_px: Annotated[float | None, typer.Option(help="sor3d: instead, focal length of the picture; default: a Kinect's")] = None,
-    rate_hz: Annotated[float, typer.Option(help="sor3d: frames a second that are taken from a video")] = 10.0,
-    frames: Annotated[int, typer.Option(help="sor3d: frames at most, the last ones")] = 10,
+    focal_px: Annotated[float | None, typer.Option(help="sor3d: focal length, if no --intrinsics; default: a Kinect's")] = None,
+    rate_hz: Annotated[float, typer.Option(help="sor3d: frame rate at which a video is sampled")] = 10.0,
+    frames: Annotated[int, typer.Option(help="sor3d: maximum number of frames, the last ones of the sequence")] = 10,
     store: Store = None,
     json: Json = False,
 ) -> None:
-    """Where the hands go for a task, or (sor3d) what affords what: masks, an overlay and a JSON object for every picture."""
+    """Predict hand regions for a task, or (sor3d) affordance regions: masks, overlay and JSON for every picture."""
     from commands import predict as image_model
     from commands import predict_sequence as sequence_model
 
@@ -270,24 +274,24 @@ def predict(
 
 @app.command()
 def grasp(
-    depth: Annotated[Path, typer.Argument(help="depth picture: PNG of 16 bits in millimetres, or .npy in metres")],
-    out: Annotated[Path, typer.Option("--out", help="where to write; new, empty, or what this verb wrote before")],
-    masks: Annotated[Path | None, typer.Option(help="folder of a picture that `predict` wrote")] = None,
+    depth: Annotated[Path, typer.Argument(help="depth image: 16-bit PNG in millimetres, or .npy in metres")],
+    out: Annotated[Path, typer.Option("--out", help="output folder: new, empty, or written by this verb before")],
+    masks: Annotated[Path | None, typer.Option(help="folder that `predict` wrote for a picture")] = None,
     left: Annotated[Path | None, typer.Option(help="mask of the left hand's region, .png")] = None,
     right: Annotated[Path | None, typer.Option(help="mask of the right hand's region, .png")] = None,
     image: Annotated[Path | None, typer.Option(help="the colour picture, for the overlay")] = None,
     intrinsics: Annotated[Path | None, typer.Option(help="camera as JSON: fx, fy, cx, cy, or K")] = None,
-    focal_px: Annotated[float | None, typer.Option(help="instead: focal length, its centre that of the picture")] = None,
-    negative: Annotated[Path | None, typer.Option(help="what no hand may touch: mask .png, points .npy, negative.json")] = None,
+    focal_px: Annotated[float | None, typer.Option(help="focal length, in place of --intrinsics")] = None,
+    negative: Annotated[Path | None, typer.Option(help="negative affordance: mask .png, points .npy, or negative.json")] = None,
     object_pose: Annotated[Path | None, typer.Option(help="T_cam_obj as JSON, for negative.json")] = None,
     taxonomy: Annotated[str, typer.Option(help="left, right, both_same or both_different; default: the prediction's")] = "",
     hands: Annotated[str, typer.Option(help="auto (the taxonomy chooses), left, right or both")] = "auto",
-    count: Annotated[int, typer.Option(help="grasps of each hand")] = 10,
-    span_m: Annotated[float, typer.Option(help="the widest that the hand spans")] = 0.09,
+    count: Annotated[int, typer.Option(help="number of grasps per hand")] = 10,
+    span_m: Annotated[float, typer.Option(help="maximum opening of the hand in metres")] = 0.09,
     force: Annotated[bool, typer.Option("--force", help="write into a folder that holds other files")] = False,
     json: Json = False,
 ) -> None:
-    """From masks and depth to grasps: poses of one or two hands, best first."""
+    """Compute grasps from masks and depth: poses of one or two hands, best first."""
     from afford.grasping.candidates.read_scene import SceneFiles
     from commands.grasp import Options
     from commands.grasp import grasp as find
@@ -298,13 +302,13 @@ def grasp(
 
 @app.command()
 def demo(
-    host: Annotated[str, typer.Option(help="address to serve at; the default is reached from this machine alone")] = "127.0.0.1",
-    port: Annotated[int, typer.Option(help="0 takes any that is free")] = 8000,
+    host: Annotated[str, typer.Option(help="address to serve at; the default is reachable only from this machine")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(help="port; 0 for any free port")] = 8000,
     model: Model = None,
     device: Device = "cpu",
     store: Store = None,
 ) -> None:
-    """A page where one drops an image, types a task and sees both hands' regions."""
+    """Serve a local web page that predicts hand regions for an image and a task."""
     from commands.demo import demo as serve
 
     raise typer.Exit(serve(host, port, model, device, store))
@@ -318,17 +322,18 @@ def _request(target: str | None, source: Path | None, clip: list[str] | None, se
     return Request(target, source, tuple(clip or ()), tuple(set_ or ()), params, store=store, json=json, force=force, **more)
 
 
-STOPPED = "stopped; what was finished is kept, run again to go on\n"
+STOPPED = "stopped; finished results are kept, run again to continue\n"
 
 
 def main(targets: Mapping[str, str], build: Callable[..., Any], arguments: list[str] | None = None) -> int:
-    """Run a command on these targets, whose graphs `build` makes; 0 done, 1 something failed, 2 the call does not fit, 130 stopped
-    by the user, 143 by SIGTERM.
+    """Run a command on these targets, whose graphs `build` builds; return its exit code.
+
+    0 success, 1 a failure, 2 a usage error, 130 stopped by the user, 143 by SIGTERM.
     """
     use(targets, build)
     try:
         with terminating():
-            return int(_command(targets)(arguments, standalone_mode=False) or 0)  # typer.Exit ends as the value that it returns
+            return int(_command(targets)(arguments, standalone_mode=False) or 0)  # typer.Exit becomes the return value
     except KeyboardInterrupt:
         sys.stderr.write(STOPPED)
         return 130
@@ -342,7 +347,7 @@ def main(targets: Mapping[str, str], build: Callable[..., Any], arguments: list[
 
 
 def _command(targets: Iterable[str]) -> Any:
-    """The verbs, with the names of the targets in their help."""
+    """Command with all verbs, and the names of the targets in their help."""
     names = " or ".join(", ".join(targets).rsplit(", ", 1))
     command: Any = typer.main.get_command(app)
     for param in (param for verb in command.commands.values() for param in verb.params):
@@ -351,7 +356,10 @@ def _command(targets: Iterable[str]) -> Any:
 
 
 def _exit_code(error: Exception) -> int:
-    """Say what went wrong in one sentence; what nobody foresaw is raised again. Nobody waits for the runner's errors before."""
+    """Print the error in one sentence and return the exit code; re-raise unexpected errors.
+
+    The runner's errors are imported late to keep start-up fast.
+    """
     from runner import NothingOptionalError, StoreError, UnknownNameError, UnknownShardError
 
     if isinstance(error, (UsageError, UnknownNameError, UnknownShardError, NothingOptionalError, StoreError)):

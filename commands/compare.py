@@ -1,4 +1,4 @@
-"""`run extraction-report --set STAGE.backend=a,b`: the same clips through several backends, side by side, with what each costs."""
+"""Compare backends: `run extraction-report --set STAGE.backend=a,b` scores the same clips with each, and their costs."""
 
 from __future__ import annotations
 
@@ -16,18 +16,19 @@ from runner import Graph, GraphError, RunReport
 
 REPORT, SCORE = "extraction_report", "extraction_score"
 Names = Mapping[str, Mapping[str, str]]
-"""column -> stage -> its name in the graph"""
+"""column -> stage -> name of the stage in the graph"""
 
 
 def build_columns(target: str, place: Origin, columns: Mapping[str, Settings]) -> tuple[Graph, Names]:
-    """The graph of a target, or of the comparison where there are several columns, and the names of its stages then. UsageError for
-    parameters of which no graph can be made.
+    """Graph of a target, or of a comparison for several columns, and the stage names of each column.
+
+    UsageError for parameters that do not allow a graph.
     """
     if len(columns) == 1:
         return _single(target, place, next(iter(columns.values()))), {}
     if target != "extraction-report":
-        raise UsageError(f"--set with backends {', '.join(columns)}: only extraction-report compares several; choose one to make "
-                         f"{target}")
+        raise UsageError(f"--set with backends {', '.join(columns)}: only extraction-report compares several backends; choose one "
+                         f"for {target}")
     graph = Graph()
     return graph, compared(graph, place, columns)
 
@@ -35,15 +36,16 @@ def build_columns(target: str, place: Origin, columns: Mapping[str, Settings]) -
 def _single(target: str, place: Origin, chosen: Settings) -> Graph:
     try:
         return build(target, place, chosen)
-    except GraphError:  # a fault of ours
+    except GraphError:  # a defect of the project
         raise
     except ValueError as error:
         raise UsageError(str(error)) from error
 
 
 def publish_columns(to: Publisher, report: RunReport, names: Names, folder: Path) -> tuple[dict[str, str], dict[str, float]]:
-    """The report of every column that was made, one page about all, and the metrics of all, each under its column's name; all in a
-    folder of a part where one of the reports is one. Errors as `publish`.
+    """Publish the report of every column, a comparison page, and the metrics of all columns.
+
+    If one of the reports is partial, the folder is published as partial. Errors as `publish`.
     """
     folder = to.together((stages[REPORT] for stages in names.values()), folder)
     metrics: dict[str, dict[str, float]] = {}
@@ -62,7 +64,7 @@ def publish_columns(to: Publisher, report: RunReport, names: Names, folder: Path
 
 
 def _costs(report: RunReport, stages: Mapping[str, str], frames: float) -> Iterator[tuple[str, float]]:
-    """CPU time a frame and peak memory of every stage on the clips that were scored (codecs included)."""
+    """Yield CPU time per frame and peak memory of every stage on the scored clips, codecs included."""
     scored = {shard for name, shard in report.cpu_s if name == stages[SCORE]}
     for stage, own in stages.items():
         if stage not in (REPORT, SCORE):
@@ -71,7 +73,7 @@ def _costs(report: RunReport, stages: Mapping[str, str], frames: float) -> Itera
 
 
 def page(metrics: Mapping[str, Mapping[str, float]], stages: list[str]) -> str:
-    """A Markdown table: what is measured down, columns across; then what the stages cost in which the columns differ."""
+    """Markdown table: measures as rows, columns across; then the costs of the stages that differ."""
     from afford.extraction.quality_report import ROWS
 
     labels, first = list(metrics), next(iter(metrics.values()))

@@ -1,4 +1,4 @@
-"""The verb `demo`: a page on this machine where a trained model is asked about a picture."""
+"""The verb `demo`: a local web page that predicts with a trained model."""
 
 from __future__ import annotations
 
@@ -22,9 +22,12 @@ LAST_PORT = 65535
 
 
 def demo(host: str, port: int, model: Path | None, device: str, store: Path | None) -> int:
-    """Serve until the user stops it. UsageError when there is no model, or the address cannot be had."""
+    """Serve until the user stops it.
+
+    UsageError when there is no model, or the address cannot be used.
+    """
     if not 0 <= port <= LAST_PORT:
-        raise UsageError(f"--port {port}: expected a port of 0 (any that is free) to {LAST_PORT}")
+        raise UsageError(f"--port {port}: expected a port from 0 (any free port) to {LAST_PORT}")
     from commands.predict import open_model
 
     stored, predictor = open_model(model, store, device)
@@ -37,11 +40,11 @@ def demo(host: str, port: int, model: Path | None, device: str, store: Path | No
         site = Site(host, port, ask, ask.about(), _examples(stored, store or STORE, console))
     except OSError as error:
         wanted = "that is free; stop what listens there, or give --port 0" if error.errno == errno.EADDRINUSE else "of this machine"
-        raise UsageError(f"--host {host} --port {port}: expected an address {wanted} ({error})") from error
+        raise UsageError(f"--host {host} --port {port}: the address must be one {wanted} ({error})") from error
     console.print(f"model {escape(stored.name)} {stored.digest[:12]}", highlight=False)
     console.print(f"[bold]{site.url}[/]  (Ctrl+C stops it)", highlight=False)
     if not site.is_local:
-        console.print("[yellow]every machine that reaches this one can ask the model[/]")
+        console.print("[yellow]every machine that reaches this one can use the model[/]")
     with site:
         try:
             site.serve_forever()
@@ -51,8 +54,9 @@ def demo(host: str, port: int, model: Path | None, device: str, store: Path | No
 
 
 def _examples(model: ModelFolder, store: Path, console: Console) -> list[Example]:
-    """Pictures to begin with: stills of a benchmark, else of the data set that the model learned from. What cannot be read is named
-    and left out, and so it is said where there are none.
+    """Example pictures: stills of a benchmark, else of the data set that the model was trained on.
+
+    Unreadable examples, and their absence, are reported.
     """
     from afford.twohands.demo.examples import examples, held_out
 
@@ -68,7 +72,7 @@ def _examples(model: ModelFolder, store: Path, console: Console) -> list[Example
 
 
 def _learned_from(model: ModelFolder, store: Path) -> dict[str, Path]:
-    """Name -> file of the data set that the card of a model names; nothing where the store does not hold it."""
+    """Name -> file of the training set that a model's card names; empty if the store does not hold it."""
     from afford.twohands.demo.examples import data_set
 
     digest = data_set(model.folder)

@@ -1,4 +1,4 @@
-"""Usage errors: one sentence, exit code 2, the nearest valid name when there is one."""
+"""Usage errors: one sentence, exit code 2, and the nearest valid name if there is one."""
 
 from __future__ import annotations
 
@@ -7,11 +7,14 @@ from collections.abc import Iterable
 
 
 class UsageError(Exception):
-    """The command was called with something that does not exist or does not fit; the message is shown as it is."""
+    """The command line names something that does not exist or does not fit; the message is shown unchanged."""
 
 
 def unknown(kind: str, name: str, valid: Iterable[str]) -> UsageError:
-    """'unknown stage 'mask_densfy'; did you mean 'mask_densify'? Valid: ...'"""
+    """Build the usage error for an unknown name.
+
+    "unknown stage 'mask_densfy'; did you mean 'mask_densify'? Valid: ..."
+    """
     names = sorted(valid)
     close = difflib.get_close_matches(name, names, n=1, cutoff=0.4)
     hint = f"did you mean {close[0]!r}? " if close else ""

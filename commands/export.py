@@ -1,4 +1,4 @@
-"""`export`: the last data set, or the rendered clips, in a format that other tools read."""
+"""The verb `export`: write the last data set, or the rendered clips, in a format that other tools read."""
 
 from __future__ import annotations
 
@@ -22,11 +22,14 @@ FORMATS = {
 
 
 def export(format: str, folder: Path, source: Path | None, store: Path | None) -> int:
-    """Write into a new or empty folder. `epic` writes the rendered clips with their truth; the others the last data set."""
+    """Write into a new or empty folder.
+
+    `epic` writes the rendered clips with their ground truth; the other formats write the last data set.
+    """
     if format not in FORMATS:
         raise unknown("format", format, FORMATS)
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise UsageError(f"{folder}: expected a new or empty folder, got one with files in it")
+        raise UsageError(f"{folder}: the folder is not empty; give a new or empty one")
     runner = open_runner(store)
     if format == "epic":
         place, _ = origin("scenes", source, settings((), None), lambda path: runner.hash_file(path)[0])
@@ -40,9 +43,9 @@ def export(format: str, folder: Path, source: Path | None, store: Path | None) -
     dataset = runner.store.root / "datasets" / name
     if not dataset.is_dir():
         part = dataset.with_name(f"{name}{PART}")
-        hint = f"; what {part} holds is a part, `run dataset --replace` names it {name}" if part.is_dir() else ""
+        hint = f"; {part} is partial, `run dataset --replace` publishes it as {name}" if part.is_dir() else ""
         make = f"make dataset{f' SOURCE={source}' if source else ''}"
-        raise UsageError(f"{dataset}: expected a data set there; run `{make}` first{hint}")
+        raise UsageError(f"{dataset}: no data set there; run `{make}` first{hint}")
     folder.mkdir(parents=True, exist_ok=True)
     files = load(FORMATS, format)(dataset, folder)
     sys.stdout.write(f"{len(files)} files in {folder}\n")

@@ -1,4 +1,4 @@
-"""`fetch-list`: the files of EPIC-KITCHENS and VISOR that a subset needs and a folder does not hold yet. None is downloaded."""
+"""The verb `fetch-list`: list the files of EPIC-KITCHENS and VISOR that a folder still lacks. Nothing is downloaded."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from collections import Counter
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from afford.extraction.sources.downloads import KINDS, LICENCE, SPLITS, files, states
+from afford.extraction.sources.downloads import KINDS, LICENCE, SPLITS, file_states, published_files
 from commands.errors import UsageError, unknown
 
 HEAD = """# {missing} of {all} files are not in {root} yet ({partial} of them in part). Licence of all: {licence}.
-# Sizes: not published. This list is made by looking at the folder: run it again after downloads, and it is shorter.
+# Sizes: not published. The list depends on the folder: run it again after a download for a shorter one.
 # aria2c --continue --auto-file-renaming=false --dir={root} --input-file=THIS_FILE
 """
 
 
 @dataclass(frozen=True)
 class Subset:
-    """What of the data sets is wanted; empty tuples mean all videos that VISOR annotates."""
+    """Wanted part of the data sets; empty tuples mean all videos that VISOR annotates."""
 
     videos: tuple[str, ...] = ()
     participants: tuple[str, ...] = ()
@@ -28,24 +28,27 @@ class Subset:
 
 
 def fetch_list(root: Path, subset: Subset, json: bool) -> int:
-    """Print what is missing, as a list for aria2c or as one JSON object; UsageError for a name that does not exist."""
+    """Print the missing files as a list for aria2c or as one JSON object.
+
+    UsageError for a name that does not exist.
+    """
     if root.exists() and not root.is_dir():
-        raise UsageError(f"{root}: expected a folder, or a new one, got a file")
-    wanted = list(files(_videos(subset), _kinds(subset)))
-    found = list(states(root, wanted))
+        raise UsageError(f"{root}: this is a file; give a folder, which may be new")
+    wanted = list(published_files(_videos(subset), _kinds(subset)))
+    found = list(file_states(root, wanted))
     counts = Counter(state for _, state in found)
     if json:
         rows = [{**asdict(file), "state": state, "bytes": None, "licence": LICENCE} for file, state in found]
         sys.stdout.write(encoder.dumps({"root": str(root), "counts": dict(counts), "files": rows}) + "\n")
         return 0
-    left = [file for file, state in found if state != "there"]
-    sys.stdout.write(HEAD.format(missing=len(left), all=len(found), root=root, partial=counts["partial"], licence=LICENCE))
-    sys.stdout.writelines(f"{file.url}\n  out={file.name}\n" for file in left)
+    missing = [file for file, state in found if state != "there"]
+    sys.stdout.write(HEAD.format(missing=len(missing), all=len(found), root=root, partial=counts["partial"], licence=LICENCE))
+    sys.stdout.writelines(f"{file.url}\n  out={file.name}\n" for file in missing)
     return 0
 
 
 def _videos(subset: Subset) -> list[str]:
-    """The videos of a subset, in order of their ids."""
+    """Videos of a subset, sorted by id."""
     everything = {video for videos in SPLITS.values() for video in videos}
     people = {video[:3] for video in everything}
     for video in subset.videos:

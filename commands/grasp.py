@@ -1,4 +1,4 @@
-"""The verb `grasp`: masks and a depth picture become grasps of one or two hands."""
+"""The verb `grasp`: compute grasp candidates for one or two hands from masks and a depth image."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ if TYPE_CHECKING:
 
 HANDS = ("auto", "left", "right", "both")
 SHOWN = 3
-"""grasps of each hand that are listed; of more, the JSON tells"""
+"""grasps listed for each hand; the JSON has all"""
 
 
 @dataclass(frozen=True)
 class Options:
-    """What was asked for beside the files of the look."""
+    """Options besides the input files."""
 
     out: Path
     count: int = 10
@@ -35,8 +35,9 @@ class Options:
 
 
 def grasp(files: SceneFiles, options: Options) -> int:
-    """Write candidates.json, overlay.png and cloud.ply; 0 when every hand that is taken has a grasp, else 1. UsageError for files
-    and options that do not fit.
+    """Write candidates.json, overlay.png and cloud.ply.
+
+    Returns 0 when every used hand has a grasp, else 1. UsageError for files and options that do not fit.
     """
     _check(files, options)
     from afford.grasping.candidates.read_scene import check_regions, read
@@ -65,19 +66,22 @@ def _check(files: SceneFiles, options: Options) -> None:
     if options.count < 1:
         raise UsageError(f"--count {options.count}: expected 1 or more")
     if not 0 < options.span_m <= 1:
-        raise UsageError(f"--span-m {options.span_m:g}: expected metres, above 0 and 1 at most")
+        raise UsageError(f"--span-m {options.span_m:g}: expected metres, above 0 and at most 1")
 
 
 def _claim(options: Options) -> None:
-    """A new or empty folder, one of an earlier call, or any with --force."""
+    """Create the output folder.
+
+    It must be new, empty or written by an earlier call, unless --force is given.
+    """
     from afford.grasping.candidates.write_candidates import RECORD
 
     out = options.out
     if out.exists() and not out.is_dir():
-        raise UsageError(f"{out}: expected a folder, got a file; give another --out")
+        raise UsageError(f"{out}: this is a file; give another --out")
     if out.is_dir() and any(out.iterdir()) and not (out / RECORD).is_file() and not options.force:
-        raise UsageError(f"{out}: expected a new or empty folder, or one of `grasp`, got a folder with other files; give another "
-                         "--out, or --force to write into it")  # fmt: skip
+        raise UsageError(f"{out}: the folder holds files that `grasp` has not written; give another --out, or --force "
+                         "to write into it")  # fmt: skip
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -93,7 +97,7 @@ def _tell(found: GraspCandidates, missing: list[str], options: Options) -> int:
     if table.row_count:
         console.print(table)
     for side in missing:
-        console.print(f"[red]none[/] the {side} hand has no grasp that fits its region, its span and what must not be touched")
+        console.print(f"[red]none[/] no grasp of the {side} hand fits its region, its span and the negative affordance")
     console.print(f"[bold]grasps[/] {escape(str(options.out))}", highlight=False, soft_wrap=True)
     if options.json:
         sys.stdout.write(json.dumps(_summary(found, missing, options), sort_keys=True) + "\n")

@@ -1,4 +1,7 @@
-"""The verb `inspect`: what recordings and artifacts hold, whether they are whole, and how they look."""
+"""The verb `inspect`: show the content, integrity and pictures of recordings and artifacts.
+
+An artifact is described by its fields, their shapes and types, and the sizes of its files; no array is decoded.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +13,7 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.markup import escape
@@ -19,19 +22,20 @@ from rich.table import Table
 from afford.recording.summary import Summary, summarise
 from commands.errors import UsageError, unknown
 from commands.inspect_tables import SORTS, print_json, show_many, show_one, size
-from commands.session import open_existing
-from runner import LostError, Runner
+
+if TYPE_CHECKING:
+    from runner import Runner
 
 SUFFIX = ".mcap"
 PICTURES = (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tif", ".tiff")
-"""endings of a contact sheet; .png has no loss"""
+"""suffixes for contact sheets; .png is lossless"""
 VIEWER, DISPLAYS = "rerun", ("DISPLAY", "WAYLAND_DISPLAY")
 DIGEST = re.compile("[0-9a-f]{4,64}")
 
 
 @dataclass(frozen=True)
 class Options:
-    """What is asked for beside the summary."""
+    """Options of `inspect`."""
 
     json: bool = False
     strict: bool = False
@@ -46,21 +50,22 @@ class Options:
 
 @dataclass
 class Verdict:
-    """One recording: what it holds and what is wrong with it."""
+    """Summary and problems of one recording."""
 
     summary: Summary
     problems: list[str] = field(default_factory=list)
 
 
 def inspect(paths: Sequence[str], options: Options) -> int:
-    """Recordings (files or folders of them) or one artifact (a digest); 0 fine, 1 a problem. UsageError for a wrong call."""
+    """Inspect recordings (files or folders of them) or one artifact (a digest).
+
+    Returns 0 when all is fine, 1 for a problem. UsageError for a wrong call.
+    """
     if options.sort not in SORTS:
         raise unknown("--sort", options.sort, SORTS)
     if options.diff:
         return _difference(paths, options)
     if len(paths) == 1 and DIGEST.fullmatch(paths[0]) and not Path(paths[0]).exists():
-        # fuse: import dropped
-
         return inspect_artifact(paths[0], options.store, options.json)
     files = _recordings(paths)
     _one_only(files, options)
@@ -77,10 +82,10 @@ def _recordings(paths: Sequence[str]) -> list[Path]:
     found: list[Path] = []
     for path in map(Path, paths):
         if not path.exists():
-            raise UsageError(f"{path}: expected a recording, a folder of them, or the digest of one artifact; no such path")
+            raise UsageError(f"{path}: no such path; give recordings, a folder of them, or the digest of one artifact")
         inside = sorted(p for p in path.rglob(f"*{SUFFIX}")) if path.is_dir() else [path]
         if not inside:
-            raise UsageError(f"{path}: expected recordings ({SUFFIX}), got none; make them with `pipeline.py run dataset`")
+            raise UsageError(f"{path}: no recordings ({SUFFIX}) here; make some with `pipeline.py run dataset`")
         found += inside
     return found
 
@@ -91,9 +96,9 @@ def _one_only(files: list[Path], options: Options) -> None:
 
 
 def _named(options: Options) -> None:
-    """A picture is written as what its name says."""
+    """Check the suffix of the contact sheet, which selects its format."""
     if options.sheet and options.sheet.suffix.lower() not in PICTURES:
-        raise UsageError(f"--sheet {options.sheet}: expected a name that ends in .png, got {options.sheet.suffix or 'none'}")
+        raise UsageError(f"--sheet {options.sheet}: expected a name with one of the suffixes {', '.join(PICTURES)}")
 
 
 def _verdict(path: Path, strict: bool) -> Verdict:
@@ -121,51 +126,55 @@ def _tell(verdicts: list[Verdict], options: Options) -> None:
 
 
 def _views(files: list[Path], options: Options) -> None:
-    """Pictures and viewers, which load what a summary does not need."""
+    """Write pictures and open viewers, which load more than a summary needs."""
     if options.sheet:
-        from afford.recording.sheet import write_sheet
+        from afford.recording.contact_sheet import write_sheet
 
         _fitting("--sheet", lambda out: write_sheet(files, out), options.sheet)
     if options.save:
-        from afford.recording import viewer
+        from afford.recording import rerun_viewer
 
-        _fitting("--save", lambda out: viewer.save(files[0], out), options.save)
+        _fitting("--save", lambda out: rerun_viewer.save(files[0], out), options.save)
     if options.rerun:
         _show(files[0])
 
 
 def _show(path: Path) -> None:
-    """Open the viewer that is installed beside this Python, whose environment need not be activated; UsageError without a viewer
-    or a display.
+    """Open the viewer that is installed next to this Python; its environment need not be active.
+
+    UsageError without a viewer or a display.
     """
     program = shutil.which(VIEWER, path=str(Path(sys.executable).parent)) or shutil.which(VIEWER)
     if program is None:
-        raise UsageError(f"--rerun: expected the program {VIEWER} beside {sys.executable}, found none; `make setup` installs it")
+        raise UsageError(f"--rerun: the program {VIEWER} is not installed next to {sys.executable}; run `make setup`")
     if sys.platform == "linux" and not any(os.environ.get(name) for name in DISPLAYS):
         file = f"{path.stem}.rrd"
-        raise UsageError(f"--rerun: expected a display, and neither {' nor '.join(DISPLAYS)} is set; write a file with "
-                         f"`--save {file}`, and `{program} {file} --web-viewer` shows it in a browser")
-    from afford.recording import viewer
+        raise UsageError(f"--rerun: no display, since neither {' nor '.join(DISPLAYS)} is set; write a file with "
+                         f"`--save {file}`, and open it in a browser with `{program} {file} --web-viewer`")
+    from afford.recording import rerun_viewer
 
-    viewer.show(path, program)
+    rerun_viewer.show(path, program)
 
 
 def _lay_out(found: Summary, out: Path | None) -> None:
     if out:
-        from afford.recording.layout import layout
+        from afford.recording.foxglove_layout import layout
 
         _fitting("--layout", lambda path: path.write_text(json.dumps(layout(found), indent=1) + "\n", encoding="utf-8"), out)
 
 
 def _fitting(option: str, write: Callable[[Path], object], out: Path) -> None:
-    """Write a view, and say so; UsageError where the recordings hold nothing of that kind, or the file cannot be written."""
+    """Write a view, and report it.
+
+    UsageError where the recordings hold no data of that kind, or the file cannot be written.
+    """
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         write(out)
     except ValueError as error:
         raise UsageError(f"{option}: {error}") from error
     except OSError as error:
-        raise UsageError(f"{option} {out}: expected a file that can be written, got {error.strerror or error}") from error
+        raise UsageError(f"{option} {out}: the file cannot be written ({error.strerror or error})") from error
     Console(stderr=True).print(f"wrote {out}", highlight=False, soft_wrap=True)
 
 
@@ -175,21 +184,27 @@ def _difference(paths: Sequence[str], options: Options) -> int:
         raise UsageError(f"--diff: expected two recordings, got {len(files)}")
     from afford.recording.difference import difference
 
-    said: list[Any] = difference(*files)
+    differences: list[Any] = difference(*files)
     if options.json:
-        print_json({"differences": said, "ok": not said})
+        print_json({"differences": differences, "ok": not differences})
     else:
-        sys.stdout.write("\n".join(said or ["the same content"]) + "\n")
-    return int(bool(said))
+        sys.stdout.write("\n".join(differences or ["the same content"]) + "\n")
+    return int(bool(differences))
 
 
 VALUE = "value.json"
 MANY = 3
-"""elements of a list that are shown"""
+"""elements shown of a list"""
 
 
 def inspect_artifact(artifact: str, store: Path | None, as_json: bool) -> int:
-    """Describe the artifact of a digest (or its beginning); 1 when its files are damaged or lost, UsageError for none."""
+    """Describe the artifact with this digest or digest prefix.
+
+    Returns 1 when its files are damaged or lost. UsageError when there is no such artifact.
+    """
+    from commands.session import open_existing  # loads the engine, which a recording does not need
+    from runner import LostError
+
     runner = open_existing(store)
     try:
         found = runner.lineage(artifact)
@@ -211,15 +226,15 @@ def _describe(runner: Runner, digest: str) -> dict[str, Any]:
         return {"digest": digest, "kind": runner.kind(digest), "children": dict(children)}
     files = runner.files(digest)
     tree = json.loads(files[VALUE].read_text(encoding="ascii"))
-    fields = {name: _told(part) for name, part in tree["fields"].items()}
+    fields = {name: _described(part) for name, part in tree["fields"].items()}
     sizes = {name: path.stat().st_size for name, path in sorted(files.items())}
     return {"digest": digest, "kind": runner.kind(digest), "fields": fields, "files": sizes}
 
 
-def _told(part: Any) -> str:
-    """One field in words: a plain value as it is, an array by encoding, type and shape, a list by its length."""
+def _described(part: Any) -> str:
+    """Describe one field: a plain value as text, an array by type, shape and encoding, a list by length."""
     if isinstance(part, list):
-        inside = ", ".join(_told(item) for item in part[:MANY])
+        inside = ", ".join(_described(item) for item in part[:MANY])
         return f"{len(part)}: {inside}{', ...' if len(part) > MANY else ''}"
     if not isinstance(part, dict):
         return str(part)
@@ -231,7 +246,10 @@ def _told(part: Any) -> str:
 
 
 def _array(encoding: str, where: list[Any]) -> str:
-    """A reference of the codec (afford/codecs/pools.py): its shape comes last, its type stands before the shape or is fixed."""
+    """Describe an array reference of the codec (afford/codecs/pools.py).
+
+    The shape is its last entry; the type precedes the shape or is fixed.
+    """
     *_, shape = where
     dtype = {"raw": where[0], "zstd": where[-2], "rle": "bool", "video": "uint8"}[encoding]
     return f"{dtype} ({' '.join(str(n) for n in shape)}), {encoding}"
@@ -239,7 +257,7 @@ def _array(encoding: str, where: list[Any]) -> str:
 
 def _show_artifact(about: dict[str, Any]) -> None:
     console = Console()
-    made = f", made by {about['stage']} {about['shard']}" if "stage" in about else ", from outside"
+    made = f", made by {about['stage']} {about['shard']}" if "stage" in about else ", from outside the pipeline"
     console.print(f"[bold]{about['kind']}[/] {about['digest'][:12]}{escape(made)}", highlight=False)
     for title in ("fields", "children", "files"):
         if title in about:

@@ -1,4 +1,4 @@
-"""Summaries of recordings as tables for people, and as JSON."""
+"""Tables of recording summaries for people, and JSON output."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ SORTS: dict[str, Callable[[Summary], Any]] = {
     "problem": lambda s: (not s.problem, s.path),
 }
 MANY_PROBLEMS = 8
-SAID_ELSEWHERE = ("stage", "schema_version", "log_time")
-"""metadata that --json shows and the summary leaves out"""
+JSON_ONLY = ("stage", "schema_version", "log_time")
+"""metadata that only --json shows"""
 NARROW = 55
-"""width of the columns of numbers"""
+"""width of the number columns"""
 
 
 def show_one(found: Summary, problems: list[str], strict: bool) -> None:
-    """Topics, provenance, verdict."""
+    """Print topics, provenance and verdict of one recording."""
     console = _console(max((len(topic.topic) + len(topic.schema) for topic in found.topics), default=0) + NARROW)
     span = f"{found.start_s:.2f} s to {found.start_s + found.seconds:.2f} s, {found.chunks} chunk(s)"
     counts = f"{size(found.bytes)}, {found.messages} messages on {len(found.topics)} topics"
@@ -36,7 +36,7 @@ def show_one(found: Summary, problems: list[str], strict: bool) -> None:
     if found.topics:
         console.print(_topics(found))
     for name, values in sorted((found.metadata or {}).items()):
-        shown = {key: text for key, text in values.items() if key not in SAID_ELSEWHERE}
+        shown = {key: text for key, text in values.items() if key not in JSON_ONLY}
         text = "  ".join(f"[dim]{escape(key)}[/] {escape(_short(text))}" for key, text in shown.items())
         console.print(f"[bold]{escape(name)}[/]  {text}", highlight=False, soft_wrap=True)
     if found.attachments:
@@ -46,7 +46,7 @@ def show_one(found: Summary, problems: list[str], strict: bool) -> None:
 
 
 def show_many(found: list[tuple[Summary, list[str]]], sort: str) -> None:
-    """One line per recording, in an order of SORTS."""
+    """Print one line per recording, in an order of SORTS."""
     table = Table(box=None)
     table.add_column("recording", no_wrap=True)
     for title in ("topics", "messages", "seconds", "Hz", "size"):
@@ -64,12 +64,12 @@ def show_many(found: list[tuple[Summary, list[str]]], sort: str) -> None:
 
 
 def print_json(value: Any) -> None:
-    """One JSON object on one line."""
+    """Print one JSON object on one line."""
     sys.stdout.write(json.dumps(value, sort_keys=True) + "\n")
 
 
 def size(count: int) -> str:
-    """1536 -> '1.5 kB'."""
+    """Format a size in bytes: 1536 -> '1.5 kB'."""
     number, unit = float(count), "B"
     for larger in ("kB", "MB", "GB"):
         if number < 1000:
@@ -79,7 +79,7 @@ def size(count: int) -> str:
 
 
 def _console(width: int) -> Console:
-    """Wide enough for long names, also where the terminal is not."""
+    """Console wide enough for long names, also in a narrow terminal."""
     console = Console()
     console.width = max(console.width, width)
     return console
@@ -108,12 +108,12 @@ def _problems(console: Console, problems: list[str]) -> None:
 def _verdict(problems: list[str], strict: bool) -> str:
     if problems:
         return f"[bold red]{len(problems)} problem(s)[/]"
-    whole, glance = "whole: every checksum, index and payload fits", "fine at a glance (--strict reads it all)"
+    whole, glance = "intact: every checksum, index and payload is valid", "no problem in the index (--strict reads everything)"
     return f"[bold green]{whole}[/]" if strict else f"[green]{glance}[/]"
 
 
 def _short(text: str) -> str:
-    """Digests to twelve letters, long words cut."""
+    """Shorten digests to twelve letters, and cut long text."""
     if len(text) == 64 and all(letter in "0123456789abcdef" for letter in text):
         return text[:12]
     return text if len(text) <= 100 else text[:97] + "..."

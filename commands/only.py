@@ -1,4 +1,4 @@
-"""`run --only STAGE`: one stage on the inputs that it had last, and its recorder; what was never made is made first."""
+"""Run one stage and its recorder on the last inputs: `run --only STAGE`. Missing inputs are computed first."""
 
 from __future__ import annotations
 
@@ -13,14 +13,17 @@ from runner.graph import Node
 from runner.report import Observer
 
 RECORDINGS = "recordings/"
-"""where recordings are published"""
+"""place of published recordings"""
 Unrecorded = dict[str, str]
-"""stage -> why it is not recorded"""
+"""stage -> reason why it is not recorded"""
 
 
 def run_only(runner: Runner, graph: Graph, stages: Iterable[str], clips: tuple[str, ...], force: Iterable[str],
          observer: Observer) -> RunReport:  # fmt: skip
-    """Run stages on the inputs that each of their shards had last; those that never ran on this source, with all that they need."""
+    """Run stages on the last inputs of each of their shards.
+
+    A stage that never ran on this source runs with everything that it needs.
+    """
     report = RunReport("")
     nodes = [_node(graph, stage) for stage in stages]
     seen = {node.name: shards_with_inputs(runner, graph, node, clips) for node in nodes}
@@ -35,7 +38,7 @@ def run_only(runner: Runner, graph: Graph, stages: Iterable[str], clips: tuple[s
 
 
 def plan_only(runner: Runner, graph: Graph, stages: Iterable[str], clips: tuple[str, ...], force: Iterable[str]) -> list[TaskPlan]:
-    """What `run_only` would run, the recorders included."""
+    """Plan `run_only`, recorders included."""
     out: dict[tuple[str, str], TaskPlan] = {}
     for node in (_node(graph, stage) for stage in stages):
         alone = bool(shards_with_inputs(runner, graph, node, clips))
@@ -47,7 +50,10 @@ def plan_only(runner: Runner, graph: Graph, stages: Iterable[str], clips: tuple[
 
 
 def shards_with_inputs(runner: Runner, graph: Graph, node: Node, clips: tuple[str, ...]) -> tuple[str, ...]:
-    """Shards of this source on which the stage has run, with inputs of the same names; of `clips` alone where some are named."""
+    """Shards of this source on which the stage has run, with inputs of the same names.
+
+    With `clips`, only shards of these clips.
+    """
     plans = runner.plan(graph, Handle(graph, node), shards=clips or None)
     heads = {plan.shard.split("/")[0] for plan in plans if plan.stage == node.name}
     traces = {shard: runner.traces.get(key) for shard, key in runner.traces.shards(node.name).items()}
@@ -58,7 +64,10 @@ def shards_with_inputs(runner: Runner, graph: Graph, node: Node, clips: tuple[st
 
 def record(runner: Runner, graph: Graph, stages: Iterable[str], clips: tuple[str, ...], report: RunReport,
            observer: Observer) -> Unrecorded:  # fmt: skip
-    """Record what `stages` have made; what that does is added to the report. Gives the stages that are not recorded, and why."""
+    """Record the outputs of `stages`, and add the runs to the report.
+
+    Returns the stages that are not recorded, with the reason.
+    """
     waiting: Unrecorded = {}
     for node in (_node(graph, stage) for stage in stages):
         found = recorders(graph, node)
@@ -68,7 +77,8 @@ def record(runner: Runner, graph: Graph, stages: Iterable[str], clips: tuple[str
             waits = _waits(runner, graph, recorder, clips)
             if waits:
                 names = ", ".join(sorted(waits))
-                waiting[node.name] = f"the recording of {node.name} is not renewed, for {names} would run first; run without --only"
+                waiting[node.name] = (f"the recording of {node.name} is not updated, since {names} would run first; "
+                                      "run without --only")
             else:
                 more = runner.run(graph, Handle(graph, recorder), shards=clips or None, observer=observer)
                 add(report, more, recorder.name)
@@ -76,14 +86,15 @@ def record(runner: Runner, graph: Graph, stages: Iterable[str], clips: tuple[str
 
 
 def recorders(graph: Graph, node: Node) -> list[Node]:
-    """The stage that records this one; else those that read what it makes and whose output is published among the recordings."""
+    """Stage that records this one; else stages that read its output and whose output is a published recording."""
     own = [one for one in graph.stages() if one.name == RECORDS + node.name]
     return own or [one for one in graph.stages() if _is_recording(graph, one) and node in _sources(graph, one)]
 
 
 def publish_recordings(runner: Runner, graph: Graph, stage: str, place: Origin, report: RunReport) -> Path | None:
-    """Publish recordings of one stage that are else only parts of those of clips, in a folder of its own; the folder, None where
-    there are none.
+    """Publish recordings of one stage that are otherwise only parts of the clips' recordings.
+
+    Returns their own folder; None where there are none.
     """
     folder, recorder = runner.store.root / RECORDINGS / place.name / stage, RECORDS + stage
     if recorder not in report.outputs or _is_recording(graph, _node(graph, recorder)):
@@ -94,7 +105,10 @@ def publish_recordings(runner: Runner, graph: Graph, stage: str, place: Origin, 
 
 
 def add(report: RunReport, more: RunReport, alone: str | None = None) -> None:
-    """Count what another run did, of one stage `alone` where it is named; what is known already is not counted again."""
+    """Add the counts of another run to the report, of one stage `alone` if it is named.
+
+    Stages that the report already counts are not counted again.
+    """
     for mine, theirs in ((report.ran, more.ran), (report.cached, more.cached), (report.failed, more.failed)):
         mine |= {stage: count for stage, count in theirs.items() if alone in (None, stage) and stage not in report.ran}
     report.outputs |= {name: made for name, made in more.outputs.items() if alone in (None, name)}
@@ -116,7 +130,7 @@ def _is_recording(graph: Graph, node: Node) -> bool:
 
 
 def _sources(graph: Graph, node: Node) -> Iterator[Node]:
-    """The stages whose outputs a stage reads, whole, in parts or collected."""
+    """Yield the stages whose outputs a stage reads, whole, in parts or collected."""
     for _, source in node.inputs:
         one = graph.nodes[source]
         if one.sort == "stage":

@@ -1,4 +1,4 @@
-"""Where a run takes its videos from: `--source DIR`, or the rendered clips of the target."""
+"""Origin of a run's data: `--source DIR`, or the clips that the target renders."""
 
 from __future__ import annotations
 
@@ -18,21 +18,23 @@ OWN_ROOMS = {"train-set": "afford-stills", "benchmark-set": "afford-stills-bench
              "hands": "hands-finder", "grasp": "grasp", "grasp-full": "grasp-full",
              "negative-affordance": "procedural-objects", "interactions": "interactions",
              "sor3d": "sor3d", "sor3d-ablation": "sor3d-ablation", "static-sets": "static-sets"}
-"""Targets that render rooms of their own, whatever the source, and the names of what they make."""
+"""targets that always render their own data -> name of their outputs"""
 NEEDED = {"motions": "motion of hands, see docs/grasping/motion-format.md"}
-"""Targets that make nothing without a source, and what that is."""
+"""targets that need a source -> description of the source"""
 SEQUENCES = ("interactions", "sor3d", "sor3d-ablation")
-"""Targets that read RGB-D sequences, or render them."""
+"""targets that read or render RGB-D sequences"""
 RENDERED = ("dataset", "recordings", "scenes", "extraction-report")
-"""Targets that make something of every rendered clip where no source is given."""
+"""targets that use every rendered clip if no source is given"""
 PART = re.compile(r"_s\d+")
-"""what is added to a video's name where it is cut into several clips"""
+"""suffix of a video's name when it is cut into several clips"""
 
 
 def origin(target: str, source: Path | None, settings: Settings, digest: Callable[[Path], str],
            clips: tuple[str, ...] = ()) -> tuple[Origin, Source | None]:  # fmt: skip
-    """The videos of `source`, or the clips that `target` renders; UsageError when the folder cannot be a source. Of an EPIC root
-    only the videos of `clips` are read, where some are named; of rendered ones a name that there is not is a UsageError.
+    """Videos of `source`, or the clips that `target` renders.
+
+    From an EPIC root only the videos of `clips` are read, if some are named. UsageError when the folder is not a source, or a
+    named rendered clip does not exist.
     """
     if target == ALL:
         return _everything(source, clips, settings, digest), None
@@ -46,42 +48,42 @@ def origin(target: str, source: Path | None, settings: Settings, digest: Callabl
         return _sequences(target, source, settings, digest), None
     if target in OWN_ROOMS:
         if source is not None:
-            raise UsageError(f"--source {source}: {target} renders its own rooms and reads no source; leave --source away")
+            raise UsageError(f"--source {source}: {target} renders its own data and reads no source; remove --source")
         return Origin(OWN_ROOMS[target], specs=_synthetic(target, settings).specs), None
     if target == "benchmark":
         return _benchmark(source, settings, digest), None
     if target == "train" and (source is None or _is_dataset(source)):
-        return _lessons(source, settings, digest), None
+        return _training_data(source, settings, digest), None
     if source is None:
         rendered = _synthetic(target, settings)
         if target in RENDERED:
             _check_clips(clips, [spec.video_id for spec in rendered.specs])
         return rendered, None
     if not source.exists():
-        raise UsageError(f"--source {source}: expected a folder with videos, got nothing there; see docs/extraction/own-video.md")
+        raise UsageError(f"--source {source}: no such folder; give a folder with videos, see docs/extraction/own-video.md")
     try:
         found = discover(source, digest, clips)
     except ValueError as error:
         raise _refusal(source, error) from error
     videos = tuple(_with_truth(video, found) for video in found.videos)
     if target == "extraction-report" and found.kind == "bare":
-        raise UsageError(f"--source {source}: expected masks and ground truth to score the extraction by, got neither; make the "
+        raise UsageError(f"--source {source}: the source has no masks and ground truth to score the extraction by; make the "
                          "data set instead: run dataset --source")
     return Origin(found.name, videos=videos, bare=found.kind == "bare"), found
 
 
 def _everything(source: Path | None, clips: tuple[str, ...], settings: Settings, digest: Callable[[Path], str]) -> Origin:
-    """What each of the targets is made of that are made together; all of it is rendered."""
+    """Origins of the targets that `all` combines; all data are rendered."""
     from maps.everything import CHAIN
 
     for word, given in (("--source", source), ("--clip", ", ".join(clips))):
         if given:
-            raise UsageError(f"{word} {given}: `all` makes every target of what it renders itself; name one target to use {word}")
+            raise UsageError(f"{word} {given}: `all` renders the data of every target itself; name one target to use {word}")
     return Origin(ALL, parts=tuple((name, origin(name, None, settings, digest)[0]) for name in CHAIN))
 
 
 def _refusal(source: Path, error: Exception) -> UsageError:
-    """The path stands there once, also where the error begins with it."""
+    """Usage error with the path once, also if the message of the error begins with it."""
     return UsageError(f"--source {source}: {str(error).removeprefix(f'{source}: ')}")
 
 
@@ -92,7 +94,7 @@ def _check_clips(clips: tuple[str, ...], rendered: list[str]) -> None:
 
 
 def _benchmark(source: Path | None, settings: Settings, digest: Callable[[Path], str]) -> Origin:
-    """Cases in ActAffordance's layout, ours where no source is given, and folders with the predictions of other methods."""
+    """Cases in ActAffordance's layout, ours without a source, and folders with predictions of other methods."""
     from afford.dataset.act_affordance import cases, read_tree
 
     try:
@@ -106,7 +108,7 @@ def _benchmark(source: Path | None, settings: Settings, digest: Callable[[Path],
 
 
 def _motions(source: Path | None, digest: Callable[[Path], str]) -> Origin:
-    """A folder with motion of hands, or one file of it; nothing where only the graph is asked for."""
+    """Folder or file with hand motion; empty where only the graph is needed."""
     from afford.dataset.act_affordance import read_tree
 
     if source is None:
@@ -116,14 +118,14 @@ def _motions(source: Path | None, digest: Callable[[Path], str]) -> Origin:
     except ValueError as error:
         raise UsageError(str(error)) from error
     if files is None and not source.is_file():
-        raise UsageError(f"--source {source}: expected a file or a folder with motion of hands, got nothing there")
+        raise UsageError(f"--source {source}: no such file or folder; give hand motion")
     if files is None:
         files = FileTree(source.stem, (FileRef(source.name, digest(source), source.stat().st_size, source),))
     return Origin(files.name, motions=files)
 
 
 def _meshes(source: Path, digest: Callable[[Path], str]) -> tuple[Origin, Source]:
-    """The objects of a folder of meshes."""
+    """Objects of a folder of meshes."""
     from afford.surface.meshes.discover import discover as find
 
     try:
@@ -135,7 +137,7 @@ def _meshes(source: Path, digest: Callable[[Path], str]) -> tuple[Origin, Source
 
 
 def _sequences(target: str, source: Path | None, settings: Settings, digest: Callable[[Path], str]) -> Origin:
-    """The sequences of a root in the layout of SOR3D-AFF, none where they are rendered; clips of actions to learn from before."""
+    """Sequences of a root in the layout of SOR3D-AFF, none if they are rendered; action clips for pretraining."""
     from afford.dataset.act_affordance import read_tree
     from afford.dataset.sor3d_layout import discover_sequences as find
 
@@ -149,21 +151,24 @@ def _sequences(target: str, source: Path | None, settings: Settings, digest: Cal
 
 
 def _pictures(target: str, source: Path | None, settings: Settings, digest: Callable[[Path], str]) -> Origin:
-    """Pictures to ask models about, none where they are the last frames of rendered sequences; what is learned from is rendered."""
-    from afford.rgbd.readers.static_root import pictures
+    """Pictures for the static sets, none if they are the last frames of rendered sequences.
+
+    The training data are always rendered.
+    """
+    from afford.rgbd.readers.static_set import static_root_files
 
     learned = _sequences(target, None, settings, digest)
     if source is None:
         return learned
     try:
-        found = pictures(source, settings.rgbd.static_read.backend, digest)
+        found = static_root_files(source, settings.rgbd.static_read.backend, digest)
     except ValueError as error:
         raise _refusal(source, error) from error
     return learned._replace(name=f"{target}-{found.name}", pictures=found)
 
 
 def _is_dataset(source: Path) -> bool:
-    """Whether a folder holds samples that a model can be trained on as they are."""
+    """Return True for a folder with samples that a model can be trained on directly."""
     from afford.twohands.train.samples import files_below, splits
 
     try:
@@ -172,8 +177,8 @@ def _is_dataset(source: Path) -> bool:
         return False
 
 
-def _lessons(source: Path | None, settings: Settings, digest: Callable[[Path], str]) -> Origin:
-    """A data set to train on; stills that are rendered for it where no source is given."""
+def _training_data(source: Path | None, settings: Settings, digest: Callable[[Path], str]) -> Origin:
+    """Data set to train on; rendered stills if no source is given."""
     from afford.dataset.act_affordance import read_tree
 
     if source is None:

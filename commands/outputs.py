@@ -1,4 +1,12 @@
-"""Outputs of a run: published where the map says, measured as the map says."""
+"""Publish the outputs of a run at the places that the graph declares, and collect its metrics.
+
+An output made from less than the whole source does not replace a complete one. It is published as partial, under the name
+`<name>-part`.
+
+A data set, a model or a report is partial when the run was limited to some clips, when a task behind it failed, or, for data sets,
+when the published one has more videos or splits. A table that a run with a time limit has not finished is partial when the
+published one has figures that it lacks. `--replace` publishes a partial output under the complete name.
+"""
 
 from __future__ import annotations
 
@@ -16,12 +24,15 @@ from runner.graph import Cost, Measured, Published
 PART = "-part"
 STATISTICS, METRICS = "statistics.json", "metrics.json"
 RECORDS = "record_"
-"""what the name of a stage begins with that records another one"""
+"""prefix of the names of recording stages"""
 
 
 @dataclass
 class Publisher:
-    """Publishes the outputs of one run; `why` says of which stages they are parts, `notes` what became of these."""
+    """Publishes the outputs of one run.
+
+    `why` maps stages with partial outputs to the reason; `notes` collects messages for the user.
+    """
 
     runner: Runner
     why: dict[str, str] = field(default_factory=dict)
@@ -30,7 +41,7 @@ class Publisher:
     notes: list[str] = field(default_factory=list)
 
     def folder(self, stage: str, digest: str, folder: Path) -> str:
-        """Publish a folder, under the name of a part if it is one; its path. Errors as `publish`."""
+        """Publish a folder, as partial if necessary; return its path. Errors as `publish`."""
         if self.replace or shows_folder(self.runner, digest, folder):
             return str(publish(self.runner, digest, folder))
         why = self.why.get(stage) or self._smaller(digest, folder)
@@ -40,50 +51,51 @@ class Publisher:
         return str(publish(self.runner, digest, folder.with_name(folder.name + PART) if why else folder))
 
     def file(self, stage: str, digest: str, path: Path) -> str:
-        """The same of a recording, which is a part where what it shows is one."""
+        """Publish a recording, which is partial if the recorded output is."""
         why = self.why.get(stage) or self.why.get(stage.removeprefix(RECORDS))
         whole = self.replace or not why or shows_file(self.runner, digest, path)
         return str(publish_file(self.runner, digest, path if whole else path.with_stem(path.stem + PART)))
 
     def together(self, stages: Iterable[str], folder: Path) -> Path:
-        """The folder for outputs that stand side by side; that of a part where one of them is a part."""
+        """Folder for outputs of several stages; the partial one if one of the outputs is partial."""
         why = "" if self.replace else next((self.why[stage] for stage in stages if stage in self.why), "")
         if why:
             self._note(folder.with_name(folder.name + PART), folder, why)
         return folder.with_name(folder.name + PART) if why else folder
 
     def _note(self, part: Path, whole: Path, why: str) -> None:
-        stays = f"{whole} is left as it is, --replace puts the part there" if whole.exists() else f"--replace names it {whole.name}"
-        self.notes.append(f"{part.name} is a part: {why}; {stays}")
+        hint = f"{whole} is unchanged, --replace overwrites it" if whole.exists() else f"--replace publishes it as {whole.name}"
+        self.notes.append(f"{part.name} is partial: {why}; {hint}")
 
     def _smaller(self, digest: str, folder: Path) -> str:
-        """What the published folder has more of, in words; '' for nothing."""
+        """Reason why the published folder holds more, '' if it does not."""
         files = self.runner.files(digest)
         new, old = (_object(path) for path in (files.get(FILES + STATISTICS), folder / STATISTICS))
         for what, count in (("video(s)", _videos), ("split(s)", _splits)):
             if new and count(new) < count(old):
                 return f"it has {count(new)} {what}, {folder.name} has {count(old)}"
         lacking = _object(folder / METRICS).keys() - _object(files.get(FILES + METRICS)).keys() if self.unfinished else ()
-        return f"it is not finished and has {len(lacking)} figure(s) less than {folder.name}" if lacking else ""
+        return f"it is unfinished and lacks {len(lacking)} figure(s) of {folder.name}" if lacking else ""
 
 
 def partial_outputs(graph: Graph, report: RunReport, clips: tuple[str, ...], refused: int) -> dict[str, str]:
-    """Stage of the target -> why what it made is a part, for those of which it is true. `refused`: videos that the source has and
-    that could not be read.
+    """Map each stage of the target with a partial output to the reason.
+
+    `refused` is the number of videos of the source that could not be read.
     """
     out: dict[str, str] = {}
     for stage in report.outputs:
         feeding = {node.name for node in graph.upstream(node for node in graph.nodes if node.name == stage)}
         failed = sum(failure.stage in feeding for failure in report.failures) + refused
         if clips:
-            out[stage] = f"made of {', '.join(clips[:3])}{' ...' if len(clips) > 3 else ''} alone"
+            out[stage] = f"made from {', '.join(clips[:3])}{' ...' if len(clips) > 3 else ''} alone"
         elif failed:
-            out[stage] = f"{failed} task(s) that it is made from failed"
+            out[stage] = f"{failed} of the tasks behind it failed"
     return out
 
 
 def _object(path: Path | None) -> Mapping[str, Any]:
-    """The object of a JSON file; an empty one where there is none that can be read: then nothing is known to be lost."""
+    """Object in a JSON file; an empty one if the file is missing or invalid."""
     try:
         found = json.loads(path.read_bytes()) if path else {}
     except (OSError, ValueError):
@@ -105,8 +117,9 @@ CLIP = "{clip}"
 
 
 def publish_outputs(to: Publisher, graph: Graph, report: RunReport, place: Origin, every: bool) -> dict[str, str]:
-    """Publish what was made and has a place; name -> path. Where `every` clip was asked for and none failed, recordings of clips
-    that are no more go. Errors as `publish`.
+    """Publish all outputs that have a place; map name to path.
+
+    If `every` clip was requested and none failed, recordings of removed clips are deleted. Errors as `publish`.
     """
     out: dict[str, str] = {}
     for one in graph.published:
@@ -119,7 +132,7 @@ def publish_outputs(to: Publisher, graph: Graph, report: RunReport, place: Origi
 
 
 def _publish(to: Publisher, stage: str, made: list[tuple[str, str]], path: Path, whole: bool) -> str:
-    """One place: of a file or of a folder, for the whole run or for each clip."""
+    """Publish at one place: a file or a folder, for the whole run or for each clip."""
     clips = {path.name.replace(CLIP, shard.rpartition("/")[2]): digest for shard, digest in made}
     if not path.suffix:
         return _folders(to, stage, made, path)
@@ -131,7 +144,7 @@ def _publish(to: Publisher, stage: str, made: list[tuple[str, str]], path: Path,
 
 
 def _folders(to: Publisher, stage: str, made: list[tuple[str, str]], path: Path) -> str:
-    """A folder for the whole run, or one for each clip; then the folder of them all."""
+    """Publish one folder for the whole run, or one per clip; return the folder that contains them."""
     if CLIP not in path.parts:
         return to.folder(stage, made[-1][1], path)
     for shard, digest in made:
@@ -140,14 +153,14 @@ def _folders(to: Publisher, stage: str, made: list[tuple[str, str]], path: Path)
 
 
 def _files(to: Publisher, clips: dict[str, str], folder: Path, whole: bool) -> None:
-    """A recording of each clip."""
+    """Publish one recording per clip."""
     publish_files(to.runner, clips, folder)
     with publish_lock(to.runner.store.root, folder):
         retire_recordings(folder, set(clips), whole)
 
 
 def collect_metrics(to: Publisher, graph: Graph, report: RunReport) -> dict[str, float]:
-    """The figures that the map names, and what stages cost that are counted in them."""
+    """Figures and stage costs that the graph declares."""
     out: dict[str, float] = {}
     found: dict[int, dict[str, float]] = {}
     for one in graph.measured:
@@ -161,7 +174,7 @@ def collect_metrics(to: Publisher, graph: Graph, report: RunReport) -> dict[str,
 
 
 def stage_costs(cost: Cost, report: RunReport, figures: dict[str, float]) -> dict[str, float]:
-    """What stages cost in these figures; nothing where the figure is not there, or nothing was spent."""
+    """Cost of stages per unit of a figure; empty without the figure, or if no time was spent."""
     shards = {shard for stage, shard in report.cpu_s if stage == cost.shards}
     spent = {(stage, shard): seconds for (stage, shard), seconds in report.cpu_s.items()
              if stage in cost.stages and (cost.shards is None or shard in shards)}  # fmt: skip
@@ -178,5 +191,5 @@ def stage_costs(cost: Cost, report: RunReport, figures: dict[str, float]) -> dic
 
 
 def _named(label: Published | Measured | Cost, name: str) -> str:
-    """A name in the summary, after that of its target where several are made together."""
+    """Name in the summary, prefixed with the target for combined targets."""
     return f"{label.part}.{name}" if label.part else name

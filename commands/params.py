@@ -1,4 +1,4 @@
-"""`params`: every parameter of every stage, by system."""
+"""The verb `params`: list every parameter of every stage, by system."""
 
 from __future__ import annotations
 
@@ -14,19 +14,20 @@ from commands.settings import Parameter, parameters_of
 from maps.settings import SYSTEM_OF, SYSTEMS, Settings
 
 PIPED_WIDTH = 100
-"""columns where no terminal says how many"""
+"""width in columns without a terminal"""
 COLUMNS = ("system", "stage", "name", "type", "default", "doc", "selected")
 
 
 def show(word: str | None, json: bool) -> int:
-    """Print name, type, what holds when nothing is said, and meaning: of all, of a system or of a stage; UsageError for a word that
-    is neither.
+    """Print name, type, default and meaning of the parameters: all, of a system, or of a stage.
+
+    UsageError for another word.
     """
-    asked = (word or "").replace("-", "_")
-    if word and asked not in (*SYSTEMS, *SYSTEM_OF):
+    wanted = (word or "").replace("-", "_")
+    if word and wanted not in (*SYSTEMS, *SYSTEM_OF):
         raise unknown("stage", word, SYSTEM_OF)
     chosen = Settings()
-    rows = [(system, stage, *row) for stage, system in SYSTEM_OF.items() if not asked or asked in (stage, system)
+    rows = [(system, stage, *row) for stage, system in SYSTEM_OF.items() if not wanted or wanted in (stage, system)
             for row in parameters_of(chosen.params(stage))]  # fmt: skip
     if json:
         sys.stdout.write(encoder.dumps([dict(zip(COLUMNS, row, strict=True)) for row in rows]) + "\n")
@@ -37,8 +38,9 @@ def show(word: str | None, json: bool) -> int:
 
 
 def _print(system: str, rows: list[tuple[str, Parameter]]) -> None:
-    """The meaning stands under each parameter, wrapped; nothing is cut, on a terminal or in a pipe. Each block of a backend has a
-    line that says whether this backend is selected.
+    """Print the meaning under each parameter, wrapped, never cut.
+
+    A line above each block of a backend says whether this backend is selected.
     """
     console = Console(width=None if sys.stdout.isatty() else PIPED_WIDTH)
     console.print(f"[bold underline]{system}[/]", highlight=False)

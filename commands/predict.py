@@ -1,4 +1,4 @@
-"""The verb `predict`: a trained model is asked about an image, a video or a folder of them."""
+"""The verb `predict`: predict hand regions for an image, a video or a folder of them."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Options:
-    """What was asked for beside the picture and the task."""
+    """Options besides the picture and the task."""
 
     out: Path
     model: Path | None = None
@@ -47,26 +47,26 @@ class Options:
 
 
 def usable(device: str) -> str:
-    """The device that was asked for. UsageError when there is none such."""
+    """Check the requested device. UsageError when it is not available."""
     if device not in ("cpu", "cuda"):
         raise unknown("--device", device, ("cpu", "cuda"))
     if device == "cuda":
         import torch
 
         if not torch.cuda.is_available():
-            raise UsageError("--device cuda: expected a GPU that torch can use, got none; leave --device away")
+            raise UsageError("--device cuda: torch finds no usable GPU; remove --device")
     return device
 
 
 STAGE = "predict"
 GPU_BATCH = 8
 SHOWN = 20
-"""predictions that are listed; of more, the index tells"""
+"""predictions that are listed; the index has all"""
 
 
 @dataclass
 class BatchResult:
-    """What came of the pictures so far."""
+    """Predictions, failures and times of the pictures so far."""
 
     predictions: list[dict[str, Any]] = field(default_factory=list)
     failures: list[dict[str, str]] = field(default_factory=list)
@@ -75,9 +75,10 @@ class BatchResult:
 
 
 def predict(image: Path, task: str, options: Options) -> int:
-    """Write masks, overlay and JSON of every picture; 0 when all went well, 1 when one failed. UsageError for a wrong call.
+    """Write masks, overlay and JSON of every picture.
 
-    Models of sequences (`--model sor3d`, or a folder with one) are served by `commands.predict_sequence`.
+    Returns 0 when all went well, 1 when a picture failed. UsageError for a wrong call. `commands.predict_sequence` serves
+    models of sequences (`--model sor3d`, or a folder with such a model).
     """
     _check(task, options)
     from afford.common.video.inputs import find
@@ -104,13 +105,16 @@ def predict(image: Path, task: str, options: Options) -> int:
 
 
 def open_model(given: Path | None, store: Path | None, device: str) -> tuple[ModelFolder, Predictor]:
-    """The model of `--model`, else the one that was trained last. UsageError when there is none, or no such device."""
+    """Open the model of `--model`, else the one that was trained last.
+
+    UsageError when there is no model, or no such device.
+    """
     from afford.twohands.model import model_folder
     from afford.twohands.model.predictor import Predictor
 
     folder = given or model_folder.latest_model((store or STORE) / "models")
     if folder is None:
-        raise UsageError(f"{(store or STORE) / 'models'}: expected a trained model, got none; run `make train` or give --model DIR")
+        raise UsageError(f"{(store or STORE) / 'models'}: no trained model there; run `make train` or give --model DIR")
     try:
         found = model_folder.find_model(folder)
         return found, Predictor(found.folder, usable(device))
@@ -122,21 +126,21 @@ def _check(task: str, options: Options) -> None:
     from afford.twohands.model.hand_selection import HANDS
 
     if not task.strip():
-        raise UsageError("TASK: expected words such as \"pour tea from kettle\", got none")
+        raise UsageError("TASK: give words such as \"pour tea from kettle\"")
     if options.hands not in HANDS:
         raise unknown("--hands", options.hands, HANDS)
     if options.threshold is not None and not 0 <= options.threshold < 1:
         raise UsageError(f"--threshold {options.threshold:g}: expected a probability, 0 or more and less than 1")
     alone = [name for name in ("depth", "intrinsics", "focal_px") if getattr(options, name) is not None]
     if alone:
-        raise UsageError(f"--{alone[0].replace('_', '-')}: this model does not look at depth; leave it away, or give --model sor3d")
+        raise UsageError(f"--{alone[0].replace('_', '-')}: this model does not use depth; remove the option, or give --model sor3d")
     for name, value in (("every", options.every), ("batch", options.batch)):
         if value is not None and value < 1:
             raise UsageError(f"--{name} {value}: expected 1 or more")
 
 
 def _keep(item: Any, model: ModelFolder, options: Options, done: BatchResult, shown: ProgressObserver) -> None:
-    """Write an answer, or note what was refused."""
+    """Write a prediction, or note a failure."""
     from afford.twohands.inference import Refused
     from afford.twohands.prediction_files import brief, write_prediction
 
@@ -159,7 +163,7 @@ def _failed(source: str, message: str, done: BatchResult, shown: ProgressObserve
 
 
 def _summary(task: str, model: ModelFolder, options: Options, done: BatchResult, seconds: float) -> dict[str, Any]:
-    """The object that `--json` prints and that predictions.json keeps."""
+    """Object that `--json` prints and that predictions.json contains."""
     shown = max(len(done.predictions), 1)
     from afford.twohands.model.model_folder import unknown_words
 
@@ -185,8 +189,8 @@ def _tell(summary: dict[str, Any], options: Options) -> int:
         console.print(f"and {len(summary['predictions']) - SHOWN} more")
     if summary["unknown_words"]:
         words = escape(", ".join(summary["unknown_words"]))
-        console.print(f"[yellow]unknown words[/] {words}: the training of this model did not contain them, so that the answer may "
-                      "mean little; use others", highlight=False, soft_wrap=True)  # fmt: skip
+        console.print(f"[yellow]unknown words[/] {words}: this model was not trained with them, so the prediction "
+                      "may be meaningless; use other words", highlight=False, soft_wrap=True)  # fmt: skip
     for failure in summary["failures"]:
         console.print(f"[red]failed[/] {escape(failure['message'])}", highlight=False, soft_wrap=True)
     cost = summary["ms_per_image"]

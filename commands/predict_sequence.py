@@ -1,4 +1,4 @@
-"""The verb `predict` for a model of sequences (SOR3D-AFF): one RGB-D sequence, video or picture in, what affords what out."""
+"""The verb `predict` for models of sequences (SOR3D-AFF): affordances of one RGB-D sequence, video or picture."""
 
 from __future__ import annotations
 
@@ -17,31 +17,34 @@ from commands.predict import Options, usable
 from commands.session import STORE
 
 if TYPE_CHECKING:
+    from afford.rgbd.footage import Footage
     from afford.rgbd.model.predictor import Predictor
-    from afford.rgbd.predict.footage import Footage
     from afford.twohands.model.model_folder import ModelFolder
     from schemas.interaction import SceneFlow
 
 NAME = "sor3d"
 ALIEN = ("hands", "all_hypotheses", "every", "batch")
-"""options that a model of sequences does not have"""
+"""options that do not apply to a model of sequences"""
 
 
 def is_sequence_model(model: Path | None) -> bool:
-    """Whether `--model` names a model of sequences: by the word, or a folder by its config."""
+    """Return True when `--model` names a model of sequences: by the word, or by the config of a folder."""
     if model is None:
         return False
-    from afford.rgbd.model.files import FORMAT
+    from afford.rgbd.model.checkpoint import FORMAT
     from afford.twohands.model.model_folder import format_of
 
     return str(model) == NAME or format_of(model) == FORMAT
 
 
 def predict(path: Path, task: str, options: Options) -> int:
-    """Write what is said of one sequence; 0, or 1 when it cannot be read. UsageError for a wrong call."""
+    """Write the prediction for one sequence.
+
+    Returns 0, or 1 when the sequence cannot be read. UsageError for a wrong call.
+    """
     _check(path, task, options)
-    from afford.rgbd.predict.affordances import write
-    from afford.rgbd.predict.footage import Lens, Sampling, read
+    from afford.rgbd.footage import Lens, Sampling, read_footage
+    from afford.rgbd.prediction import write_prediction
     from afford.twohands.prediction_files import claim_folder, write_index
 
     stored, predictor = open_model(options)
@@ -51,9 +54,9 @@ def predict(path: Path, task: str, options: Options) -> int:
         raise UsageError(str(error)) from error
     predictions, failures = [], []
     try:
-        footage = read(path, options.depth, Lens(options.intrinsics, options.focal_px), Sampling(options.rate_hz, options.frames),
-                       predictor.config.size_px)  # fmt: skip
-        folder = write(_asked(path, footage, predictor, options), stored, options.out / path.stem)
+        lens, sampling = Lens(options.intrinsics, options.focal_px), Sampling(options.rate_hz, options.frames)
+        footage = read_footage(path, options.depth, lens, sampling, predictor.config.size_px)
+        folder = write_prediction(_predicted(path, footage, predictor, options), stored, options.out / path.stem)
         predictions.append({"source": str(path), "folder": folder.name})
     except (ValueError, OSError) as error:
         failures.append({"source": str(path), "message": str(error)})
@@ -65,15 +68,15 @@ def predict(path: Path, task: str, options: Options) -> int:
 
 
 def open_model(options: Options) -> tuple[ModelFolder, Predictor]:
-    """The model of `--model`, by the word the one that was trained last. UsageError when there is none."""
-    from afford.rgbd.model.files import FORMAT
+    """Open the model of `--model`; for the word sor3d, the one that was trained last. UsageError when there is none."""
+    from afford.rgbd.model.checkpoint import FORMAT
     from afford.rgbd.model.predictor import Predictor
     from afford.twohands.model.model_folder import find_model, latest_model
 
     models = (options.store or STORE) / "models"
     folder = latest_model(models, FORMAT) if str(options.model) == NAME else options.model
     if folder is None:
-        raise UsageError(f"{models}: expected a model that `run sor3d` trained, got none; run it first or give --model DIR")
+        raise UsageError(f"{models}: no model of `run sor3d` there; run it first or give --model DIR")
     try:
         found = find_model(folder)
         return found, Predictor(found.folder, usable(options.device))
@@ -84,10 +87,10 @@ def open_model(options: Options) -> tuple[ModelFolder, Predictor]:
 def _check(path: Path, task: str, options: Options) -> None:
     usual = {field.name: field.default for field in fields(options)}
     if task.strip():
-        raise UsageError(f"TASK {task!r}: expected none, since sor3d is told no task; leave it away")
+        raise UsageError(f"TASK {task!r}: model sor3d takes no task; remove it")
     for name in ALIEN:
         if getattr(options, name) != usual[name]:
-            raise UsageError(f"--{name.replace('_', '-')}: sor3d does not have it; leave it away")
+            raise UsageError(f"--{name.replace('_', '-')}: model sor3d does not have this option; remove it")
     if options.threshold is not None and not 0 <= options.threshold < 1:
         raise UsageError(f"--threshold {options.threshold:g}: expected a probability, 0 or more and less than 1")
     if options.rate_hz <= 0 or options.frames < 1:
@@ -96,28 +99,27 @@ def _check(path: Path, task: str, options: Options) -> None:
         raise UsageError(f"--focal-px {options.focal_px:g}: expected more than 0; give the focal length in pixels")
     for given in (path, options.depth, options.intrinsics):
         if given is not None and not given.exists():
-            raise UsageError(f"{given}: expected a file or a folder, got nothing there; check the path")
+            raise UsageError(f"{given}: no such file or folder; check the path")
 
 
-def _asked(path: Path, footage: Footage, predictor: Predictor, options: Options) -> Any:
-    """What is said, with what it cost, motion included."""
-    from afford.rgbd.model.found import CONFIDENT
-    from afford.rgbd.predict.affordances import Asked
+def _predicted(path: Path, footage: Footage, predictor: Predictor, options: Options) -> Any:
+    """Prediction with its cost, motion included."""
+    from afford.rgbd.prediction import CONFIDENT, SequencePrediction
 
     wall, cpu = time.perf_counter(), time.process_time()
     flow = _flow(footage, predictor.config.flow)
-    found = predictor.predict(predictor.seen(footage.clip, flow))
+    found = predictor.predict(predictor.inputs_of_clip(footage.clip, flow))
     costs = 1000 * (time.process_time() - cpu), 1000 * (time.perf_counter() - wall)
     config = predictor.config
     if not footage.has_depth and (config.depth or config.flow == "3d"):
         unseen = "depth and motion" if config.flow == "3d" else "depth"
-        Console(stderr=True).print(f"[yellow]no depth[/] colours alone are seen; this model also looks at {unseen}: give --depth")
+        Console(stderr=True).print(f"[yellow]no depth[/] only colours are used; this model also uses {unseen}: give --depth")
     threshold = CONFIDENT if options.threshold is None else options.threshold
-    return Asked(str(path), footage, found, config.flow if flow is not None else "none", threshold, *costs)
+    return SequencePrediction(str(path), footage, found, config.flow if flow is not None else "none", threshold, *costs)
 
 
 def _flow(footage: Footage, kind: str) -> SceneFlow | None:
-    """Motion as the stage finds it: in space where there is depth, on the image in any case; None for one picture."""
+    """Motion as the stage computes it: scene flow with depth, optical flow without; None for a single picture."""
     from stages.rgbd import scene_flow
 
     if len(footage.clip.rgb) < 2 or kind == "none" or (kind == "3d" and not footage.has_depth):
@@ -128,10 +130,10 @@ def _flow(footage: Footage, kind: str) -> SceneFlow | None:
 def _tell(summary: dict[str, Any], options: Options) -> None:
     console = Console(stderr=True)
     for one in summary["predictions"]:
-        said = json.loads((options.out / one["folder"] / "prediction.json").read_text(encoding="utf-8"))
-        action = said["action"]["label"]
-        regions = [f"{name} {part['area_share']:.1%}" for name, part in said["affordances"].items() if part["area_px"]]
-        console.print(f"{escape(one['folder'])}: action {action} ({said['action']['probabilities'][action]:.2f}); affords "
+        found = json.loads((options.out / one["folder"] / "prediction.json").read_text(encoding="utf-8"))
+        action = found["action"]["label"]
+        regions = [f"{name} {part['area_share']:.1%}" for name, part in found["affordances"].items() if part["area_px"]]
+        console.print(f"{escape(one['folder'])}: action {action} ({found['action']['probabilities'][action]:.2f}); affords "
                       f"{', '.join(regions) or 'nothing'}", highlight=False, soft_wrap=True)  # fmt: skip
     for failure in summary["failures"]:
         console.print(f"[red]failed[/] {escape(failure['message'])}", highlight=False, soft_wrap=True)

@@ -1,4 +1,4 @@
-"""What a run shows while it goes on: a bar per stage on a terminal, a line per finished task elsewhere."""
+"""Progress of a run: a bar per stage on a terminal, a line per finished task elsewhere."""
 
 from __future__ import annotations
 
@@ -17,28 +17,35 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextC
 from runner import Reason
 
 BEAT_S = 30.0
-"""time between two lines about a task that runs"""
+"""seconds between two lines about a running task"""
 
 
 class ProgressObserver(Protocol):
-    """An observer that is opened and closed."""
+    """Observer that is a context manager."""
 
     def __enter__(self) -> ProgressObserver: ...
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None: ...
-    def planned(self, stage: str, shard: str) -> None: ...
-    def started(self, stage: str, shard: str, reason: Reason) -> None: ...
-    def progress(self, stage: str, shard: str, done: int, total: int) -> None: ...
-    def finished(self, stage: str, shard: str, result: str, wall_s: float, cpu_s: float, message: str) -> None: ...
+    def planned(self, stage: str, shard: str) -> None:
+        """A task is known."""
+
+    def started(self, stage: str, shard: str, reason: Reason) -> None:
+        """A worker has started the task."""
+
+    def progress(self, stage: str, shard: str, done: int, total: int) -> None:
+        """The stage reported its progress."""
+
+    def finished(self, stage: str, shard: str, result: str, wall_s: float, cpu_s: float, message: str) -> None:
+        """The task is over."""
 
 
 def observer(quiet: bool) -> ProgressObserver:
-    """Bars on a terminal, plain lines elsewhere; everything goes to stderr."""
+    """Bars on a terminal, plain lines elsewhere; both write to stderr."""
     console = Console(stderr=True)
     return Bars(console) if console.is_terminal and not quiet else Lines(quiet)
 
 
 class Bars:
-    """One bar per stage: tasks done of those known, rate, time left."""
+    """One bar per stage: finished tasks of those known, rate, time left."""
 
     def __init__(self, console: Console) -> None:
         columns = (TextColumn("{task.description:<24}"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[note]}"),
@@ -58,25 +65,25 @@ class Bars:
         self._bars.stop()
 
     def planned(self, stage: str, shard: str) -> None:
-        """One more task of the stage."""
+        """Add one task to the stage."""
         self._known[stage] = self._known.get(stage, 0) + 1
         if stage not in self._ids:
             self._ids[stage] = self._bars.add_task(stage, total=1, note="")
         self._bars.update(self._ids[stage], total=self._known[stage])
 
     def started(self, stage: str, shard: str, reason: Reason) -> None:
-        """Say why it runs."""
+        """Show the reason of the task."""
         self._began.setdefault(stage, time.monotonic())
         self._bars.update(self._ids[stage], note=escape(f"{shard}: {reason}"[:60]))
 
     def progress(self, stage: str, shard: str, done: int, total: int) -> None:
-        """Move the bar by the part of the task that is done."""
+        """Advance the bar by the finished part of the task."""
         part, before = done / max(total, 1), self._part.get((stage, shard), 0.0)
         self._part[stage, shard] = part
         self._bars.advance(self._ids[stage], part - before)
 
     def finished(self, stage: str, shard: str, result: str, wall_s: float, cpu_s: float, message: str) -> None:
-        """One task less to do."""
+        """Complete the task."""
         bar = self._ids[stage]
         self._bars.advance(bar, 1 - self._part.pop((stage, shard), 0.0))
         if result == "ran":
@@ -89,15 +96,16 @@ class Bars:
 
 @dataclass
 class _Task:
-    """One that runs: since when, and what part of it is done, where its stage says so."""
+    """Start time of a running task, and its finished part if the stage reports it."""
 
     began: float
     part: float | None = None
 
 
 class Lines:
-    """A plain line for every task that ran or failed. One over the whole run is announced when it starts; of each that runs for
-    long a line says every BEAT_S seconds how far it is.
+    """A plain line for every task that ran or failed.
+
+    A task without shards is announced at its start. A task that runs for long is reported every BEAT_S seconds.
     """
 
     def __init__(self, quiet: bool, now: Callable[[], float] = time.monotonic) -> None:
@@ -117,22 +125,22 @@ class Lines:
         sys.stderr.flush()
 
     def planned(self, stage: str, shard: str) -> None:
-        """Count it."""
+        """Count the task."""
         self._left += 1
 
     def started(self, stage: str, shard: str, reason: Reason) -> None:
-        """Remember when; one line where the task is the only one of its stage."""
+        """Record the start; print a line for the only task of a stage."""
         self._running[stage, shard] = _Task(self._now())
         if not shard:
             self._say(stage, shard, f"started ({reason})")
 
     def progress(self, stage: str, shard: str, done: int, total: int) -> None:
-        """Remember how far it is."""
+        """Record the finished part."""
         if (stage, shard) in self._running:
             self._running[stage, shard].part = done / max(total, 1)
 
     def finished(self, stage: str, shard: str, result: str, wall_s: float, cpu_s: float, message: str) -> None:
-        """One line, unless it was cached."""
+        """Print a line, unless the task was cached."""
         self._left -= 1
         self._running.pop((stage, shard), None)
         if result in ("ran", "failed"):
@@ -140,7 +148,7 @@ class Lines:
             self._say(stage, shard, f"{note}  ({self._left} known tasks left)")
 
     def report(self) -> None:
-        """A line for each task that has run for BEAT_S seconds or longer."""
+        """Print a line for each task that has run for BEAT_S seconds or longer."""
         for (stage, shard), task in list(self._running.items()):
             seconds = self._now() - task.began
             if seconds >= BEAT_S:

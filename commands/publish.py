@@ -1,9 +1,9 @@
-"""Outputs of a run under names that people can find: read-only links into the store, replaced as a whole.
+"""Publish outputs under readable names: read-only links into the store, replaced atomically.
 
-One process at a time publishes into a folder: it holds a lease in the store. A reader finds the old folder or the new one and never
-none, because the two change places in one system call (renameat2 with RENAME_EXCHANGE, Linux). Where the system or the file system
-has no such call (macOS, some network file systems), two renames under the lease stand in for it, and the name is absent between
-them. Temporary names carry host, process and a random id; what a killed run left is deleted by the next one that publishes there.
+One process at a time publishes into a folder, under a lease in the store. A reader always finds either the old or the new folder,
+because one system call exchanges them (renameat2 with RENAME_EXCHANGE, Linux). Without such a call (macOS, some network file
+systems), two renames under the lease replace it, and the name is absent between them. Temporary names carry host, process and a
+random id; the next process that publishes there deletes leftovers of killed runs.
 """
 
 from __future__ import annotations
@@ -24,26 +24,27 @@ from runner.files import unique
 from runner.lease import Lease
 
 FILES = "files/"
-"""where the codec keeps the files of a FileTree inside its artifact"""
+"""prefix of the files of a FileTree inside its artifact"""
 LISTED = ".clips"
-"""which recordings of clips a folder has, by name"""
+"""file that lists the recordings of clips in a folder"""
 RECORDING = re.compile(r"[^./\0][^/\0]*\.mcap")
-"""the only names that are deleted when the list has them: plain ones, in the folder itself"""
+"""names in that list that may be deleted: plain names in the folder itself"""
 LEFTOVER = re.compile(r"\..+\.(partial|old)[.-](\d+|[\w-]+-\d+-[0-9a-f]{8})")
-"""temporary names, also those of earlier versions, which carried a process id alone"""
+"""temporary names, including those of earlier versions with only a process id"""
 NAME_LETTERS = 40
-"""of a temporary name, so that a long name stays within what a file system allows"""
+"""maximum length of the name inside a temporary name, for the limits of file systems"""
 AT_FDCWD, RENAME_EXCHANGE = -100, 2
-"""of Linux: paths are relative to the working directory; two names change places"""
+"""Linux constants: paths relative to the working directory; exchange of two names"""
 NO_EXCHANGE = (errno.ENOSYS, errno.EINVAL, errno.EOPNOTSUPP, errno.EPERM)
-"""what a system or a file system says that cannot exchange two names"""
+"""errors of systems and file systems that cannot exchange two names"""
 PATIENCE_S = 0.002
 
 
 @contextmanager
 def publish_lock(store: Path, folder: Path) -> Iterator[None]:
-    """Own `folder` while something is put into it, and keep garbage collection away; leftovers of killed runs are deleted first.
-    StoreError when something cannot be written.
+    """Lock `folder` for publishing, and keep garbage collection away.
+
+    Leftovers of killed runs are deleted first. StoreError when something cannot be written.
     """
     where = folder.relative_to(store).as_posix() if folder.is_relative_to(store) else str(folder.absolute())
     own = f"publish-{tagged('afford-publish', where)[:32]}.lock"
@@ -56,13 +57,15 @@ def publish_lock(store: Path, folder: Path) -> Iterator[None]:
     except StoreError:
         raise
     except OSError as error:
-        raise StoreError(error.errno, f"{folder} could not be published to ({error}); what was made is kept in the store, mend "
+        raise StoreError(error.errno, f"{folder} could not be published to ({error}); the outputs are kept in the store; fix "
                                       "this and run again") from error
 
 
 def publish(runner: Runner, digest: str, folder: Path) -> Path:
-    """Show the files of a FileTree artifact as `folder`; what was there before is replaced only when all is in place, and is left
-    alone when it is the same. LostError when a file is damaged, StoreError when the folder cannot be written.
+    """Publish the files of a FileTree artifact as `folder`.
+
+    The old folder is replaced once the new one is complete, and left alone if it is identical. LostError when a file is
+    damaged, StoreError when the folder cannot be written.
     """
     files = _files(runner, digest)
     with publish_lock(runner.store.root, folder.parent):
@@ -74,14 +77,16 @@ def publish(runner: Runner, digest: str, folder: Path) -> Path:
 
 
 def publish_file(runner: Runner, digest: str, path: Path) -> Path:
-    """Show the only file of a FileTree artifact as `path`. Errors as `publish_files`."""
+    """Publish the only file of a FileTree artifact as `path`. Errors as `publish_files`."""
     publish_files(runner, {path.name: digest}, path.parent)
     return path
 
 
 def publish_files(runner: Runner, made: Mapping[str, str], folder: Path) -> None:
-    """Show the only file of each FileTree artifact under its name in `folder`, beside what is there. Names that show it already are
-    left alone. ValueError for an artifact of several files, LostError and StoreError as `publish`.
+    """Publish the only file of each FileTree artifact under its name in `folder`.
+
+    Other files in the folder, and names that are already current, are left alone. ValueError for an artifact with several
+    files, LostError and StoreError as `publish`.
     """
     sources = {name: _only(runner, digest) for name, digest in made.items()}
     with publish_lock(runner.store.root, folder):
@@ -93,26 +98,27 @@ def publish_files(runner: Runner, made: Mapping[str, str], folder: Path) -> None
 
 
 def publish_text(runner: Runner, text: str, path: Path) -> Path:
-    """Write a page of several artifacts, whole or not at all. StoreError when it cannot be written."""
+    """Write a page about several artifacts atomically. StoreError when it cannot be written."""
     with publish_lock(runner.store.root, path.parent):
         _write(path, text)
     return path
 
 
 def shows_folder(runner: Runner, digest: str, folder: Path) -> bool:
-    """Whether `folder` shows this FileTree artifact, and nothing else. No file is read."""
+    """Return True when `folder` contains this FileTree artifact and nothing else. No file is read."""
     return _shows(folder, _named(runner.unverified_files(digest)))
 
 
 def shows_file(runner: Runner, digest: str, path: Path) -> bool:
-    """Whether `path` shows the only file of this FileTree artifact. No file is read."""
+    """Return True when `path` is the only file of this FileTree artifact. No file is read."""
     return any(_same(path, file) for file in _named(runner.unverified_files(digest)).values())
 
 
 def retire_recordings(folder: Path, made: set[str], whole: bool) -> None:
-    """After the recordings of clips `made`, names of files, were put into `folder`, which is owned: those of clips that a `whole`
-    run no longer has are deleted; a run of some clips adds to the list. Nothing is deleted that is not on it, nor what it calls by
-    another name than that of a recording in the folder itself.
+    """Update the list of recordings after those of `made` were published, under `publish_lock`.
+
+    After a `whole` run, recordings of clips that no longer exist are deleted; a run of some clips adds to the list. Only listed
+    files with the name of a recording in the folder itself are deleted.
     """
     listed = folder / LISTED
     lines = listed.read_text(encoding="utf-8", errors="replace").splitlines() if listed.is_file() else []
@@ -156,15 +162,16 @@ def _shows(folder: Path, files: Mapping[str, Path]) -> bool:
 
 
 def _same(target: Path, source: Path) -> bool:
-    """Whether a name is a hard link of a file in the store. (To link it anew would change the file's time of change, for which the
-    next run hashes it again.)
+    """Return True when a name is a hard link to a file in the store.
+
+    Linking again would change the file's change time, and the next run would hash it again.
     """
     return target.is_file() and not target.is_symlink() and target.samefile(source)
 
 
 @contextmanager
 def _partial(path: Path) -> Iterator[Path]:
-    """A temporary name beside `path`, which is gone afterwards, also when the work ends with an error."""
+    """Temporary name next to `path`, removed afterwards, also after an error."""
     partial = _temporary(path, "partial")
     try:
         yield partial
@@ -186,7 +193,7 @@ def _place(files: Mapping[str, Path], folder: Path) -> None:
 
 
 def _link(source: Path, target: Path) -> None:
-    """A hard link, or a copy where the file system has none between the two places."""
+    """Create a hard link, or a copy where the file system does not support links between the two places."""
     try:
         os.link(source, target)
     except OSError:
@@ -200,7 +207,7 @@ def _write(path: Path, text: str) -> None:
 
 
 def _swap(new: Path, folder: Path) -> None:
-    """Put `new` in the place of `folder`; what was there is under the name of `new` afterwards, or gone."""
+    """Put `new` in the place of `folder`; the old folder ends under the name of `new`, or is deleted."""
     if not os.path.lexists(folder):
         new.rename(folder)
     elif not _exchange(new, folder):
@@ -211,7 +218,7 @@ def _swap(new: Path, folder: Path) -> None:
 
 
 def _exchange(one: Path, other: Path) -> bool:
-    """Let two names change places at once; False where the system or the file system cannot."""
+    """Exchange two names atomically; False where the system or the file system cannot."""
     call = getattr(ctypes.CDLL(None, use_errno=True), "renameat2", None)
     if call is None:
         return False

@@ -1,4 +1,4 @@
-"""`run`: make a target, show where its outputs are, end with a table of failures if there are any."""
+"""The verb `run`: run a target, and show its outputs, metrics and failures."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ from runner import Failure, Graph, LostError, Runner, RunReport
 
 T = TypeVar("T")
 DEFAULT_MINUTES = {"grasp-full": 75.0, "sor3d-ablation": 75.0}
-"""tables that take many hours: how long a run of them lasts where nothing is said; the next one goes on"""
+"""default time limit of targets that take many hours; the next run resumes"""
 
 
 @dataclass(frozen=True)
 class Request:
-    """What the user asked for."""
+    """Arguments of `run` and of related verbs."""
 
     target: str | None
-    """None: the usual one, or the first that has the stage which is asked for"""
+    """None: the default, or the first target with the stage of `only`"""
     source: Path | None = None
     clips: tuple[str, ...] = ()
     sets: tuple[str, ...] = ()
@@ -50,28 +50,28 @@ class Request:
     minutes: float | None = None
     replace: bool = False
     record: bool | None = None
-    """with `only`: record what the stages made; None: yes"""
+    """with `only`: record the outputs of the stages; None: yes"""
 
 
 @dataclass
 class ActiveRun:
-    """A run that is going on: what it makes, and where that is put."""
+    """A run in progress: its graph, and the places of its outputs."""
 
     request: Request
     runner: Runner
     graph: Graph
     names: Names
-    """of the stages of every column, in a comparison"""
+    """names of the stages of every column, in a comparison"""
     place: Origin
     source: Source | None
     stages: list[str]
-    """the only ones that are asked for; none: all"""
+    """stages of `only`; empty for a whole target"""
     shown: ProgressObserver
     waiting: dict[str, str]
-    """stage of these -> why it is not recorded"""
+    """stage of `only` -> reason why it is not recorded"""
 
     def report(self, target: str, force: Iterable[str] = (), limit_s: float | None = None) -> RunReport:
-        """Run the target, or the stages alone, with their recorders."""
+        """Run the target, or the stages of `only` with their recorders."""
         clips = self.request.clips
         if not self.stages:
             return self.runner.run(self.graph, target, shards=clips or None, force=force, limit_s=limit_s, observer=self.shown)
@@ -81,8 +81,9 @@ class ActiveRun:
         return report
 
     def outputs(self, report: RunReport) -> tuple[dict[str, str], dict[str, float], list[str]]:
-        """Publish what was made under names that people can find: outputs, what was measured, and notes about both; of a
-        comparison, the outputs of every column.
+        """Publish the outputs; return their places, the metrics, and notes about both.
+
+        In a comparison, the outputs of every column are published.
         """
         why = partial_outputs(self.graph, report, self.request.clips, len(self.source.refused) if self.source else 0)
         to = Publisher(self.runner, why, self.request.replace, bool(report.deferred))
@@ -97,7 +98,10 @@ class ActiveRun:
 
 
 def run(request: Request) -> int:
-    """Make the target; 0 when all went well, 1 when a shard failed. UsageError when the request does not fit."""
+    """Run the target.
+
+    Returns 0 when all went well, 1 when a shard failed. UsageError when the request does not fit.
+    """
     target = resolve_target(request.target, request.only)
     _check(request, target)
     chosen = columns(request.sets, request.params)
@@ -122,38 +126,40 @@ def run(request: Request) -> int:
 
 
 def _check(request: Request, target: str) -> None:
-    """UsageError for words that do not go together."""
+    """Raise UsageError for options that do not fit together."""
     if target in NEEDED and request.source is None:
-        raise UsageError(f"run {target}: expected --source with {NEEDED[target]}")
+        raise UsageError(f"run {target}: needs --source with {NEEDED[target]}")
     if request.record and not request.only:
-        raise UsageError("--record: expected --only STAGE with it; without, every stage is recorded as it is")
+        raise UsageError("--record: works only with --only STAGE; without --only, every stage is recorded anyway")
     if request.jobs is not None and request.jobs < 0:
         raise UsageError(f"--jobs {request.jobs}: expected 0 (all in this process) or more")
 
 
 def time_limit_s(request: Request, target: str) -> float | None:
-    """Seconds after which the run ends: as it was asked for, `inf` being none; else as is usual for the target."""
+    """Time limit in seconds: as requested (`inf` for none), else the default of the target."""
     usual = None if request.only else DEFAULT_MINUTES.get(target)
     minutes = usual if request.minutes is None else request.minutes
     return None if minutes is None or math.isinf(minutes) else 60 * minutes
 
 
 def run_and_publish(
-    ask: Callable[..., RunReport], publish: Callable[[RunReport], T], force: list[str], limit_s: float | None,
+    execute: Callable[..., RunReport], publish: Callable[[RunReport], T], force: list[str], limit_s: float | None,
 ) -> tuple[RunReport, T]:
-    """The report of a run and what was published of it. A blob that was damaged between its check and its use has been set aside:
-    what made it runs again, within what is left of the time.
+    """Run and publish.
+
+    A blob that was damaged between its check and its use has been moved aside. Its producer then runs again, within the
+    remaining time.
     """
-    report = ask(force=force, limit_s=limit_s)
+    report = execute(force=force, limit_s=limit_s)
     try:
         return report, publish(report)
     except LostError:
-        report = ask(limit_s=None if limit_s is None else max(0.0, limit_s - report.seconds))
+        report = execute(limit_s=None if limit_s is None else max(0.0, limit_s - report.seconds))
         return report, publish(report)
 
 
 def _refused(report: RunReport, source: Source | None) -> None:
-    """Videos that the source refused count as failures of the reader."""
+    """Count videos that the source refused as failures of the reader."""
     for refused in source.refused if source else ():
         stage = "mesh_read" if source and source.kind == "meshes" else "source_read"
         report.failures.append(Failure(stage, refused.video_id, refused.reason))

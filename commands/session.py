@@ -1,4 +1,4 @@
-"""A runner on the store that the user names, with the project's own codec and worker hook."""
+"""Open a runner on the user's store, with the project's codec and worker hook."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ STORE = ROOT / "artifacts"
 CODEC, WORKER = "afford.codecs:CODEC", "afford.common.worker:prepare"
 ANNOUNCED_BYTES = 1 << 30
 FREE_PAGES = "SC_AVPHYS_PAGES"
-"""what Linux calls them; macOS does not tell"""
+"""name of free pages on Linux; macOS does not report them"""
 
 
 def cores() -> int:
-    """Cores that this process may use; all of the machine where the system does not tell them apart."""
+    """CPU cores that this process may use; all cores of the machine where the system does not distinguish them."""
     return max(1, len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1)
 
 
@@ -28,13 +28,15 @@ DEFAULT_JOBS = cores()
 
 
 def open_runner(store: Path | None = None, jobs: int | None = None, rehash: bool = False, plan_only: bool = False) -> Runner:
-    """A runner; StoreError when the store cannot be written to, UsageError when it is a file. Memory: what is free when it starts,
-    less a margin. `plan_only`: for plans, which read no large file that was never hashed.
+    """Open a runner; StoreError when the store cannot be written to, UsageError when it is a file.
+
+    Its memory limit is the free memory at the start, less a margin. `plan_only`: large files that were never hashed are not
+    read.
     """
     folder = (store or STORE).absolute()
     there = next(path for path in (folder, *folder.parents) if os.path.exists(path))
     if not there.is_dir():
-        raise UsageError(f"--store {folder}: expected a folder, got the file {there}; name another")
+        raise UsageError(f"--store {folder}: {there} is a file; name a folder")
     use_kernel_cache(ROOT, folder)
     use_font_cache(folder)
     return Runner(folder, ROOT, CODEC, WORKER, jobs=DEFAULT_JOBS if jobs is None else jobs, memory_gib=_memory_gib(),
@@ -42,28 +44,31 @@ def open_runner(store: Path | None = None, jobs: int | None = None, rehash: bool
 
 
 def open_existing(store: Path | None = None, plan_only: bool = False) -> Runner:
-    """A runner on a store that is there, for verbs that only look. UsageError where there is none, and nothing is made."""
+    """Open a runner on an existing store, for verbs that only read.
+
+    UsageError when there is no store; none is created.
+    """
     folder = store or STORE
     if not is_store(folder):
-        got = "a folder that is none" if os.path.isdir(folder) else "a file" if os.path.exists(folder) else "nothing there"
-        raise UsageError(f"--store {folder}: expected a store that a run has made, got {got}; name it, or make one with "
-                         "`pipeline.py run`")  # fmt: skip
+        got = "is not an afford store" if os.path.isdir(folder) else "is a file" if os.path.exists(folder) else "does not exist"
+        raise UsageError(f"--store {folder}: {folder} {got}; name an existing store, or create one with `pipeline.py run`")
     return open_runner(store, plan_only=plan_only)
 
 
 def digester(runner: Runner) -> Callable[[Path], str]:
-    """The digest of a file of a source. Large ones that have to be read for it, once, are announced."""
+    """Return a function that hashes source files, and announces the first read of a large one."""
     def digest(path: Path) -> str:
         if not runner.store.memo.plan_only and path.stat().st_size > ANNOUNCED_BYTES and not runner.is_hashed(path):
-            sys.stderr.write(f"reading {path.name} ({path.stat().st_size / 1e9:.1f} GB); it is remembered\n")
+            sys.stderr.write(f"reading {path.name} ({path.stat().st_size / 1e9:.1f} GB); the digest is remembered\n")
         return runner.hash_file(path)[0]
 
     return digest
 
 
 def _memory_gib() -> float:
-    """Memory that tasks may declare together: 6 GiB per two workers, at most three quarters of what the machine has free, where it
-    tells that.
+    """Memory limit for concurrent tasks: 6 GiB per two workers, at most three quarters of the free memory.
+
+    The second limit needs a system that reports free memory.
     """
     if FREE_PAGES not in os.sysconf_names:
         return max(2.0, 3.0 * DEFAULT_JOBS)

@@ -1,5 +1,8 @@
-"""Parameters from the command line and from files: `--set STAGE.PARAM=VALUE`, `--set STAGE.BACKEND.PARAM=VALUE` and
-`--params FILE` (TOML or JSON).
+"""Parameters from the command line and from files.
+
+`--set STAGE.PARAM=VALUE`, `--set STAGE.BACKEND.PARAM=VALUE` and `--params FILE` (TOML or JSON). The parameters of a backend are a
+block: a field of Params that holds a dataclass. A value is checked against its type, its unit (finite, not negative) and the words
+that the stage accepts.
 """
 
 from __future__ import annotations
@@ -26,23 +29,23 @@ class Parameter(NamedTuple):
     """One parameter of a stage."""
 
     name: str
-    """FIELD, or BLOCK.FIELD"""
+    """FIELD or BLOCK.FIELD"""
     type: str
     value: Any
     doc: str
-    """the string literal under the field"""
+    """string literal under the field"""
     selected: bool
     """False for a parameter of a backend that is not selected"""
 
 
 def blocks(params: Any) -> dict[str, Any]:
-    """Name -> value of the fields that hold parameters of their own."""
+    """Map each field that holds parameters of a backend to its value."""
     values = {field.name: getattr(params, field.name) for field in dataclasses.fields(params)}
     return {name: value for name, value in values.items() if dataclasses.is_dataclass(value)}
 
 
 def parameters_of(params: Any) -> Iterator[Parameter]:
-    """Every parameter of a stage: what the stage itself declares, what it shares with others, then block by block."""
+    """Yield the parameters of a stage: its own, those that it shares with others, then block by block."""
     docs, inside = _docs(type(params)), blocks(params)
     own = inspect.get_annotations(type(params))
     for field in sorted(dataclasses.fields(params), key=lambda field: field.name not in own):
@@ -54,36 +57,36 @@ def parameters_of(params: Any) -> Iterator[Parameter]:
 
 
 def is_selected(params: Any, block: str) -> bool:
-    """Whether a block is that of the chosen backend; a block of no backend always counts."""
+    """Return True for the block of the selected backend, and for a block of no backend."""
     chosen = str(getattr(params, "backend", "")).replace("-", "_")
     return not chosen or block == chosen
 
 
 def unknown_parameter(where: str, name: str, params: Any) -> UsageError:
-    """For a parameter that is not there: where it is now, or the names that there are."""
+    """Usage error for a missing parameter, with its present place or the valid names."""
     homes = {block: f"{where}.{block}.{name}" for block, value in blocks(params).items() if hasattr(value, name)}
     if not homes:
         return unknown(f"parameter of {where}", name, (field.name for field in dataclasses.fields(params)))
     backends = f"backend{'s' if len(homes) > 1 else ''} {' and '.join(homes)}"
-    return UsageError(f"{where}.{name} is a parameter of the {backends}; write {' or '.join(homes.values())}")
+    return UsageError(f"{where}.{name} belongs to the {backends}; write {' or '.join(homes.values())}")
 
 
 def block_without_field(where: str, name: str, params: Any) -> UsageError:
-    """For a block that is set as if it were one parameter, which may have had its name before."""
+    """Usage error for a block that is set like a single parameter, whose name it may have had before."""
     fields = [f"{where}.{name}.{field.name}" for field in dataclasses.fields(getattr(params, name))]
     before = [f"{where}.{block}.{name}" for block, value in blocks(params).items() if hasattr(value, name)]
-    more = f"; what was {where}.{name} is {' or '.join(before)}" if before else ""
+    more = f"; the former {where}.{name} is now {' or '.join(before)}" if before else ""
     return UsageError(f"{where}.{name} holds the parameters of the backend {name}; write {' or '.join(fields)}{more}")
 
 
 def field_types(params: Any) -> dict[str, Any]:
-    """Field -> type."""
+    """Map each field to its type."""
     hints = typing.get_type_hints(type(params))
     return {field.name: hints[field.name] for field in dataclasses.fields(params)}
 
 
 def _docs(of: type) -> dict[str, str]:
-    """Field -> doc line, also of the classes that it inherits from."""
+    """Map each field to its doc line, inherited fields included."""
     found: dict[str, str] = {}
     for cls in reversed([one for one in of.__mro__ if dataclasses.is_dataclass(one)]):
         body = ast.parse(inspect.getsource(cls)).body[0]
@@ -92,19 +95,19 @@ def _docs(of: type) -> dict[str, str]:
             if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name):
                 literal = after.value if isinstance(after, ast.Expr) else None
                 doc = " ".join(str(literal.value).split()) if isinstance(literal, ast.Constant) else ""
-                found[field.target.id] = doc or found.get(field.target.id, "")  # another default alone keeps the doc line
+                found[field.target.id] = doc or found.get(field.target.id, "")  # a field without a doc line inherits one
     return found
 
 
 NOT_NEGATIVE = ("_px", "_px855", "_s", "_frames", "_hz", "_share", "_mm", "_fraction", "seed", "radius")
-"""ends of names of what is 0 at least"""
+"""suffixes of parameters that are at least 0"""
 POSITIVE = ("width_px", "height_px", "size_px", "side_px", "atlas_px", "texture_px", "focal_px", "rate_hz", "batch",
             "stride_frames", "supersample")  # fmt: skip
-"""ends of names of what cannot be 0 either"""
+"""suffixes of parameters that are above 0"""
 TRAINING = ("steps", "accumulate", "devices", "val_samples", "hypotheses")
-"""parameters of a training that are 1 at least"""
+"""training parameters that are at least 1"""
 SEQUENCES = ("sor3d_train", "sor3d_pretrain", "boxes_train")
-"""trainings on RGB-D sequences"""
+"""stages that train on RGB-D sequences"""
 TRAININGS = ("model_train", *SEQUENCES)
 DEVICE = re.compile(r"cpu|cuda(:\d+)?")
 CHOICES: dict[tuple[str, str], tuple[str, ...]] = {
@@ -119,16 +122,19 @@ CHOICES: dict[tuple[str, str], tuple[str, ...]] = {
     **{(stage, "row"): ("rgb", "rgb_attention", "rgb_attention_flow2d", "rgbd", "rgbd_attention", "rgbd_attention_flow3d")
        for stage in SEQUENCES},
 }
-"""file of a stage, parameter -> the words that it knows, where no registry of the stage lists them"""
+"""(file of a stage, parameter) -> accepted words, where no registry of the stage lists them"""
 SHARED_CHOICES: dict[str, tuple[str, ...]] = {
     "dtype": ("float32", "bfloat16", "float16"),
     "engine": ("bullet", "mujoco"), "engines": ("bullet", "mujoco"), "proof_engines": ("bullet", "mujoco"),
 }  # fmt: skip
-"""parameters that know the same words in every stage"""
+"""parameter -> accepted words, the same in every stage"""
 
 
 def check_value(stage: str, name: str, value: Any, params: Any) -> None:
-    """UsageError when a parameter of `stage` cannot be `value`, of its type already; `params` are those that it becomes one of."""
+    """Raise UsageError when a parameter cannot have `value`, which has the right type already.
+
+    `params` is the dataclass of the parameter.
+    """
     module = type(params).__module__
     file = module.rpartition(".")[2]
     known = CHOICES.get((file, name)) or SHARED_CHOICES.get(name) or vars(sys.modules[module]).get(registry(name))
@@ -140,7 +146,7 @@ def check_value(stage: str, name: str, value: Any, params: Any) -> None:
 
 
 def registry(name: str) -> str:
-    """The constant of a stage that lists what a parameter chooses from: backend -> BACKENDS, policy -> POLICIES."""
+    """Constant that lists the choices of a parameter: backend -> BACKENDS, policy -> POLICIES."""
     return (name.removesuffix("y") + "ies" if name.endswith("y") else name + "s").upper()
 
 
@@ -167,8 +173,9 @@ TRUE, FALSE = ("true", "yes", "on", "1"), ("false", "no", "off", "0")
 
 
 def settings(sets: Iterable[str], file: Path | None) -> Settings:
-    """The defaults, or those of a preset that is named (a variant of a training), then the file, then each `--set` in order;
-    UsageError names what does not exist or does not fit.
+    """Build the settings: defaults or the named preset, then the file, then each `--set` in order.
+
+    UsageError for what does not exist or does not fit.
     """
     changes = [*_from_file(file), *(_split(word) for word in sets)]
     named = {change[0]: PRESETS[change] for change in changes if isinstance(change[2], str) and change in PRESETS}
@@ -179,8 +186,9 @@ def settings(sets: Iterable[str], file: Path | None) -> Settings:
 
 
 def columns(sets: Iterable[str], file: Path | None) -> dict[str, Settings]:
-    """Settings by the names of their backends: one for each where `--set STAGE.backend=a,b` names several, in their order (all
-    combinations where several stages have several); one named '' where none does. UsageError as `settings`.
+    """Settings by label: one per backend for `--set STAGE.backend=a,b`, all combinations for several stages.
+
+    Without such a list, one entry labelled ''. UsageError as `settings`.
     """
     choices = [_choices(word) for word in sets]
     found = {}
@@ -191,7 +199,7 @@ def columns(sets: Iterable[str], file: Path | None) -> dict[str, Settings]:
 
 
 def _choices(word: str) -> list[str]:
-    """A `--set` for each backend that it names."""
+    """Split a `--set` of several backends into one `--set` for each."""
     path, _, value = word.partition("=")
     if not path.endswith(".backend"):
         return [word]
@@ -205,7 +213,7 @@ def _from_file(path: Path | None) -> Iterator[tuple[str, str, Any]]:
         text = path.read_text()
         tables = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
     except (OSError, ValueError) as error:
-        raise UsageError(f"--params {path}: expected a TOML or JSON file with one table per stage, got: {error}") from error
+        raise UsageError(f"--params {path}: not a TOML or JSON file with one table per stage: {error}") from error
     if not isinstance(tables, dict):
         raise UsageError(f"--params {path}: expected one table per stage, got {type(tables).__name__}; write it as "
                          '{"mask_densify": {"radius": 10}}')
@@ -216,7 +224,7 @@ def _from_file(path: Path | None) -> Iterator[tuple[str, str, Any]]:
 
 
 def _flat(table: dict[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
-    """Values by name, those of a table of a backend as BACKEND.NAME."""
+    """Yield values by name; those in the table of a backend as BACKEND.NAME."""
     for name, value in table.items():
         if isinstance(value, dict):
             yield from _flat(value, f"{above}{name}.")
@@ -233,20 +241,20 @@ def _split(word: str) -> tuple[str, str, str]:
 
 
 TRAINED_BY = {"twohands": "model_train", "sor3d": "sor3d_train", "sor3d_actions": "sor3d_pretrain", "boxes": "boxes_train"}
-"""what model_train.backend chose from -> the stage that trains it"""
+"""former model_train.backend -> stage that trains it now"""
 
 
 def _change(chosen: Settings, stage: str, name: str, value: Any) -> Settings:
     if stage not in SYSTEM_OF:
         raise unknown("stage", stage, SYSTEM_OF)
     if (stage, name) == ("model_train", "backend"):
-        raise UsageError(f"model_train.backend: model_train trains the two-hand model alone, and {value} is trained by "
-                         f"{TRAINED_BY.get(str(value), 'another stage')}; set the parameters of that stage")
+        raise UsageError(f"model_train.backend: model_train trains only the two-hand model; {value} is trained by "
+                         f"{TRAINED_BY.get(str(value), 'another stage')}, so set the parameters of that stage")
     return chosen.with_stages(**{stage: _changed(chosen.params(stage), stage, name, value)})
 
 
 def _changed(params: Any, where: str, name: str, value: Any) -> Any:
-    """`params` with one field changed, of a block where the name is BLOCK.FIELD."""
+    """Copy `params` with one field changed, also of a block (BLOCK.FIELD)."""
     name, _, inner = name.partition(".")
     kinds = field_types(params)
     if name not in kinds:
@@ -267,7 +275,7 @@ def _changed(params: Any, where: str, name: str, value: Any) -> Any:
 
 
 def _fit(where: str, value: Any, kind: Any) -> Any:
-    """`value` (text, or a parsed value) as `kind`; UsageError says what was expected."""
+    """Convert `value` (text, or a parsed value) to the type `kind`; UsageError states the expected type."""
     try:
         return _convert(value, kind)
     except (TypeError, ValueError) as error:
@@ -301,5 +309,5 @@ def _convert(value: Any, kind: Any) -> Any:
 
 
 def _items(text: str) -> list[Any]:
-    """`a,b`, or a list as JSON has it: `["a", "b"]`."""
+    """Split `a,b`, or parse a JSON list: `["a", "b"]`."""
     return json.loads(text) if text.strip().startswith("[") else [word.strip() for word in text.split(",") if word.strip()]

@@ -1,4 +1,4 @@
-"""Verbs that look at the store and its history: plan, explain, status, graph, lineage, verify, gc."""
+"""Verbs that read the store and its history: plan, explain, status, graph, lineage, verify, gc."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ from commands.weights import resolve_weights
 from runner import Graph, Runner, TaskPlan
 
 BEGINNING = re.compile(r"[0-9a-f]+")
-"""of a digest"""
+"""prefix of a digest"""
 SHOWN_FILES = 6
 PIPED_WIDTH = 1000
-"""columns where no terminal says how many: paths are long, and whoever reads a pipe wants them whole"""
+"""width in columns without a terminal, so that long paths are not cut in a pipe"""
 
 
 def plan_request(request: Request) -> list[TaskPlan]:
-    """What `run` would do, without doing it."""
+    """Tasks that `run` would execute, without executing them."""
     runner, graph, target = _prepared(request)
     force = resolve_stages(request.force, target, graph)
     if request.only:
@@ -46,7 +46,7 @@ def plan_request(request: Request) -> list[TaskPlan]:
 
 
 def dry_run(request: Request) -> int:
-    """Show what would run, and why."""
+    """Show the tasks that would run, with reasons."""
     plans = plan_request(request)
     if request.json:
         _print_json({"target": resolve_target(request.target, request.only), "tasks": [_plan(plan) for plan in plans]})
@@ -58,13 +58,13 @@ def dry_run(request: Request) -> int:
 
 
 def explain(request: Request, clip: str | None) -> int:
-    """Why each task would run, or ran the last time; of one stage where `only` names it."""
+    """Show the reason of each task's next or last run, of one stage if `only` names it."""
     runner, graph, target = _prepared(request, open_existing if request.store else open_runner)
     stages = resolve_stages([request.only], target, graph) if request.only else [node.name for node in graph.stages()]
     plans = [plan for plan in runner.explain(graph, target, shard=clip) if plan.stage in stages]
     if clip and not plans:
         known = {part for plan in runner.plan(graph, target) for part in plan.shard.split("/")}
-        known -= {"", "*"}  # of one task for all, and of what is not known yet
+        known -= {"", "*"}  # a task over the whole run, and shards that are not known yet
         raise unknown("clip", clip, known)
     if request.json:
         _print_json({"target": target, "tasks": [_plan(plan) for plan in plans]})
@@ -74,8 +74,9 @@ def explain(request: Request, clip: str | None) -> int:
 
 
 def status(request: Request) -> int:
-    """Per stage: how many shards are cached, would run, wait for others; and which of them failed and have not succeeded since.
-    Failures of other sources, targets or settings are counted. Instead of a target a stage can be named: then it is about that.
+    """Show the shards of each stage that are cached, to run or pending, and unresolved failures.
+
+    Failures of other sources, targets or settings are only counted. A stage can be named in place of a target.
     """
     if request.target and request.target.replace("_", "-") not in TARGETS:
         request = replace(request, target=None, only=_known(request.target))
@@ -95,8 +96,8 @@ def status(request: Request) -> int:
     console = _console()
     console.print(table)
     for failure in mine:
-        told = escape(f"{failure['stage']} {failure['shard']}: {failure['message']}")
-        console.print(f"[red]failed[/] {told}", highlight=False, soft_wrap=True)
+        message = escape(f"{failure['stage']} {failure['shard']}: {failure['message']}")
+        console.print(f"[red]failed[/] {message}", highlight=False, soft_wrap=True)
     if others:
         console.print(f"{len(others)} task(s) of other sources, targets or settings failed in this store; --json lists them",
                       highlight=False, soft_wrap=True)
@@ -104,7 +105,7 @@ def status(request: Request) -> int:
 
 
 def graph_text(graph: Graph) -> str:
-    """One line per stage: what it reads."""
+    """One line per stage with its inputs."""
     lines = []
     for node in graph.stages():
         sources = ", ".join(f"{name} <- {graph.nodes[source].name}" for name, source in node.inputs)
@@ -113,30 +114,30 @@ def graph_text(graph: Graph) -> str:
 
 
 def graph(request: Request, out: Path | None) -> int:
-    """The stages and what they read, as text, or drawn to an SVG or PNG."""
+    """Print the stages and their inputs as text, or draw them to an SVG or PNG."""
     target = resolve_target(request.target)
     chosen = columns(request.sets, request.params)
-    place, _ = origin(target, request.source, next(iter(chosen.values())), lambda path: "")  # what is in files does not matter here
+    place, _ = origin(target, request.source, next(iter(chosen.values())), lambda path: "")  # file contents do not matter here
     drawn, _ = build_columns(target, place, chosen)
     if out is None:
         sys.stdout.write(graph_text(drawn) + "\n")
         return 0
     if out.suffix not in (".svg", ".png"):
-        raise UsageError(f"--out {out}: expected a name that ends in .svg or .png")
-    from afford.extraction.drawing import draw
+        raise UsageError(f"--out {out}: the name must end in .svg or .png")
+    from afford.extraction.stage_graph import draw_graph
 
     edges = {(maker, node.name) for node in drawn.stages() for _, source in node.inputs for maker in _stages_of(drawn, source)}
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
-        draw([node.name for node in drawn.stages()], sorted(edges), out)
+        draw_graph([node.name for node in drawn.stages()], sorted(edges), out)
     except OSError as error:
-        raise UsageError(f"--out {out}: expected a file that can be written, got {error.strerror or error}") from error
+        raise UsageError(f"--out {out}: the file cannot be written ({error.strerror or error})") from error
     sys.stdout.write(f"{out}\n")
     return 0
 
 
 def _stages_of(graph: Graph, at: int) -> Iterator[str]:
-    """The stages that a node's value comes from; none for a leaf and for an empty list."""
+    """Yield the stages behind a node's value; none for a leaf and for an empty list."""
     node = graph.nodes[at]
     if node.sort == "stage":
         yield node.name
@@ -146,8 +147,9 @@ def _stages_of(graph: Graph, at: int) -> Iterator[str]:
 
 
 def lineage(artifact: str, store: Path | None, as_json: bool) -> int:
-    """Walk from an artifact (a digest, its beginning, any path in or linked from the store, or a stage: what it made last) to the
-    leafs.
+    """Show the provenance of an artifact, down to the leafs.
+
+    `artifact` is a digest, its prefix, a path in the store or linked from it, or a stage, which stands for its last output.
     """
     runner = open_existing(store)
     path = Path(artifact)
@@ -165,7 +167,7 @@ def lineage(artifact: str, store: Path | None, as_json: bool) -> int:
 
 
 def _digest_of(runner: Runner, path: Path) -> str:
-    """A path in the store as it is; a published file by the content that it shows."""
+    """Keep a path in the store; find the blob of a published file by its content."""
     store = runner.store.root.resolve()
     if path.resolve().is_relative_to(store) and path.resolve().relative_to(store).parts[0] in ("blobs", "manifests"):
         return str(path)
@@ -175,8 +177,9 @@ def _digest_of(runner: Runner, path: Path) -> str:
 
 
 def _last_of(runner: Runner, word: str) -> str:
-    """What a stage of this name has made last, else one of this function; '' where the word is none. UsageError where it never ran
-    here.
+    """Last output of a stage of this name, else of this function; '' for a word that is not a stage.
+
+    UsageError for a stage that never ran in this store.
     """
     stage = word.replace("-", "_")
     if not stage.isidentifier() or BEGINNING.fullmatch(word):
@@ -190,7 +193,7 @@ def _last_of(runner: Runner, word: str) -> str:
 
 
 def _known(word: str) -> str:
-    """A word that is no target, but a stage of one. UsageError when it is neither."""
+    """Return a word that is not a target but a stage. UsageError when it is neither."""
     try:
         first_target_with(word)
     except UsageError as error:
@@ -206,7 +209,7 @@ def _origin_line(origin: Any) -> str:
 
 
 def _grow(tree: Tree, origin: Any, seen: set[str]) -> None:
-    """What an artifact was made from; what was shown before is only named."""
+    """Add the inputs of an artifact to the tree; an artifact that was shown before is only named."""
     for path in origin.files[:SHOWN_FILES]:
         tree.add(escape(path))
     if len(origin.files) > SHOWN_FILES:
@@ -220,7 +223,7 @@ def _grow(tree: Tree, origin: Any, seen: set[str]) -> None:
 
 
 def verify(store: Path | None, as_json: bool) -> int:
-    """Hash everything in the store again; 1 when something is damaged, missing or changed."""
+    """Hash every stored file again; return 1 when a file is damaged, missing or changed."""
     verdict = open_existing(store).verify()
     if as_json:
         _print_json({**asdict(verdict), "ok": verdict.ok})
@@ -229,12 +232,13 @@ def verify(store: Path | None, as_json: bool) -> int:
         for kind in ("damaged", "missing", "changed"):
             for name in getattr(verdict, kind):
                 console.print(f"[red]{kind}[/] {escape(name)}", highlight=False, soft_wrap=True)
-        console.print(f"{verdict.blobs} blobs, {verdict.bytes / 1e6:.1f} MB: " + ("whole" if verdict.ok else "run again to mend"))
+        state = "no problem found" if verdict.ok else "run again to repair"
+        console.print(f"{verdict.blobs} blobs, {verdict.bytes / 1e6:.1f} MB: {state}")
     return 0 if verdict.ok else 1
 
 
 def gc(store: Path | None, dry_run: bool, as_json: bool) -> int:
-    """Delete what the last use of every shard does not reach, or count it."""
+    """Delete everything that the last use of every shard does not reach, or count it."""
     swept = open_existing(store).gc(dry_run)
     if as_json:
         _print_json(asdict(swept))
@@ -265,7 +269,7 @@ def _show_plans(plans: list[TaskPlan]) -> None:
 
 
 def _show_groups(plans: list[TaskPlan]) -> None:
-    """One row for all tasks of a stage that are in the same state for the same reason; of one alone, its clip."""
+    """Print one row for all tasks of a stage with the same state and reason; for a single task, its clip."""
     groups: dict[tuple[str, str, str], list[str]] = {}
     for plan in plans:
         groups.setdefault((plan.stage, plan.status, str(plan.reason)), []).append(plan.shard)
@@ -277,7 +281,7 @@ def _show_groups(plans: list[TaskPlan]) -> None:
 
 
 def _table(*titles: str) -> Table:
-    """Columns that are never cut, and the reason, which wraps."""
+    """Table whose columns are never cut, with a reason that wraps."""
     table = Table(box=None)
     for title in titles:
         table.add_column(title, no_wrap=True)
@@ -286,7 +290,7 @@ def _table(*titles: str) -> Table:
 
 
 def _console() -> Console:
-    """As wide as the terminal; in a pipe as wide as the longest line."""
+    """Console as wide as the terminal, or as the longest line in a pipe."""
     return Console(width=None if sys.stdout.isatty() else PIPED_WIDTH)
 
 

@@ -1,4 +1,4 @@
-"""What `run` says at its end: a table of stages, failures, where the outputs are, what was measured."""
+"""Summary at the end of a run: stages, failures, outputs and metrics."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from afford.extraction.sources.discover import Source
 from runner import RunReport
 
 MANY = 200
-"""metrics that are all shown; of more, those of groups and intervals stand in the report alone"""
+"""limit up to which all metrics are shown; above it, those of groups and intervals are only in the report"""
 PIPED_WIDTH = 1000
-"""columns where no terminal says how many: nothing is cut"""
+"""width in columns without a terminal, so that nothing is cut"""
 MANY_SHARDS = 8
-"""artifacts of one stage that are listed"""
+"""artifacts listed for one stage"""
 
 
 @dataclass
 class Summary:
-    """The JSON object that `--json` prints as the last line."""
+    """JSON object that `--json` prints as the last line."""
 
     target: str
     ran: dict[str, int] = field(default_factory=dict)
@@ -36,17 +36,17 @@ class Summary:
     metrics: dict[str, float] = field(default_factory=dict)
     seconds: float = 0.0
     left: dict[str, int] | None = None
-    """only of a run that ends after some time"""
+    """tasks that a run with a time limit deferred; None for other runs"""
     notes: list[str] | None = None
-    """what was published under the name of a part, or not made, and why"""
+    """partial outputs and missing recordings, with reasons"""
 
     def printed(self) -> str:
-        """As one line of JSON."""
+        """Summary as one line of JSON."""
         return json.dumps({name: value for name, value in vars(self).items() if value is not None}, sort_keys=True) + "\n"
 
 
 def show_summary(summary: Summary, report: RunReport, source: Source | None) -> None:
-    """Print it for people."""
+    """Print the summary for people."""
     console = Console(stderr=True, width=None if sys.stderr.isatty() else PIPED_WIDTH)
     table = Table("stage", "ran", "cached", "failed", "CPU s", box=None)
     for stage in _stages(summary):
@@ -76,7 +76,7 @@ def show_summary(summary: Summary, report: RunReport, source: Source | None) -> 
 
 
 def show_inspect_hints(report: RunReport, stages: Iterable[str]) -> None:
-    """How to look at what stages have made that has no other name."""
+    """Print the commands that show outputs without a published name."""
     for stage in stages:
         made = report.outputs.get(stage, [])
         for shard, digest in made[:MANY_SHARDS]:
@@ -93,14 +93,14 @@ def _show_failures(console: Console, failures: list[Any]) -> None:
     if not failures:
         return
     table = Table("stage", "clip", title="[red]failed[/]", box=None, title_justify="left")
-    table.add_column("what happened", overflow="fold")
+    table.add_column("message", overflow="fold")
     for failure in failures:
         table.add_row(failure.stage, escape(failure.shard), escape(failure.message))
     console.print(table)
 
 
 def dataset_lines(dataset: Path) -> Iterator[str]:
-    """Samples by split and by hands, and the frames that gave none, by reason: out of the statistics of a published data set."""
+    """Samples by split and by hands, and skipped frames by reason, from the statistics of a published data set."""
     found = json.loads((dataset / "statistics.json").read_text(encoding="utf-8"))
     samples, out = found["totals"]["samples"]["here"], found["frames_without_sample"]
     yield f"{samples:,} samples of {found['videos']} video(s): {_counts(found['splits'])}"
@@ -109,6 +109,6 @@ def dataset_lines(dataset: Path) -> Iterator[str]:
 
 
 def _counts(counts: Mapping[str, int]) -> str:
-    """The largest first."""
+    """Format counts, the largest first."""
     shown = sorted(counts.items(), key=lambda item: -item[1])
     return ", ".join(f"{name.replace('_', ' ')} {count:,}" for name, count in shown if count)

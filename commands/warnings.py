@@ -1,6 +1,6 @@
-"""Warnings of a run: what readers corrected, left out or doubted, gathered from the typed outputs of its stages when it ends.
+"""Warnings of a run about corrected, omitted or doubtful input, collected from the outputs of its stages.
 
-They are part of the outputs, or follow from them, so that a run that finds everything cached shows them as well.
+Warnings are part of the outputs, or follow from them, so that a fully cached run shows them as well.
 """
 
 from __future__ import annotations
@@ -13,22 +13,22 @@ from typing import Any
 from rich.console import Console
 from rich.markup import escape
 
-from afford.extraction.sources.hand_names import handless, other_shape
+from afford.extraction.sources.hand_names import aspect_remark, no_hands_remark
 from runner import LostError, Runner, RunReport
 from schemas.video import NOT_IN_CONTACT, UNKNOWN_CONTACT
 
 SHOWN = 3
-"""warnings of one video and stage that are listed; of more, the number"""
+"""warnings listed per video and stage"""
 LONGEST = 40
 """lines"""
 VALUE = "value.json"
 Fields = dict[str, Any]
-"""the fields of a stored value, arrays as references with their shapes"""
+"""fields of a stored value; arrays are references with their shapes"""
 
 
 @dataclass(frozen=True)
 class StageWarning:
-    """One thing that a stage corrected, left out or doubts."""
+    """A correction, an omission or a doubt of a stage."""
 
     stage: str
     shard: str
@@ -36,7 +36,7 @@ class StageWarning:
 
 
 def show_warnings(runner: Runner, report: RunReport) -> list[StageWarning]:
-    """Print how many warnings the stages of a run have, and the first of each video; returns all of them."""
+    """Print the number of warnings of a run, and the first of each video; return all of them."""
     found = gather(runner, report)
     if found:
         console, lines = Console(stderr=True), list(_lines(found))
@@ -49,7 +49,7 @@ def show_warnings(runner: Runner, report: RunReport) -> list[StageWarning]:
 
 
 def gather(runner: Runner, report: RunReport) -> list[StageWarning]:
-    """All warnings of the clips that a run made or found cached, each once, by video."""
+    """Warnings of the clips of a run, without duplicates, by video."""
     outputs = _Outputs(runner, report)
     found = (warned for video in outputs.shards("source_read") for warned in _of_video(outputs, video))
     return list(dict.fromkeys(found))
@@ -70,7 +70,7 @@ def _of_video(outputs: _Outputs, video: str) -> Iterator[StageWarning]:
         for name, digest in outputs.clips(video):
             clip = outputs.fields(digest)
             masks = [mask for key in map(_plain, clip["key_frames"]) for mask in map(_plain, key["annotations"])]
-            none = handless((mask["side"], mask["name"]) for mask in masks)
+            none = no_hands_remark((mask["side"], mask["name"]) for mask in masks)
             yield from (StageWarning("source_read", video, text) for text in (*clip["warnings"], *([none] if none else [])))
             for stage, texts in (("frame_decode", _of_frames(clip, outputs.of("frame_decode", f"{video}/{name}"))),
                                  ("hand_detect", _of_hands(outputs.of("hand_detect", f"{video}/{name}"))),
@@ -88,13 +88,13 @@ def _of_frames(clip: Fields, frames: Fields | None) -> Iterator[str]:
     wanted = clip["last_frame"] - clip["first_frame"] + 1 if clip["media_kind"] == "video" else len(clip["media"])
     if count < wanted:
         yield f"{wanted - count} of {wanted} frames could not be decoded"
-    remark = other_shape([(key["width_px"], key["height_px"]) for key in map(_plain, clip["key_frames"])], (width_px, height_px))
+    remark = aspect_remark([(key["width_px"], key["height_px"]) for key in map(_plain, clip["key_frames"])], (width_px, height_px))
     if remark:
         yield remark
 
 
 def _of_hands(clip: Fields | None) -> Iterator[str]:
-    """What the finder did not find in a video without masks."""
+    """Warn when the detector found no hand, or no contact, in a video without masks."""
     if clip is None:
         return
     hands = [mask for key in map(_plain, clip["key_frames"]) for mask in map(_plain, key["annotations"]) if mask["side"]]
@@ -115,7 +115,7 @@ def _plain(value: Any) -> Fields:
 
 
 class _Outputs:
-    """The stored outputs of the tasks of one run."""
+    """Stored outputs of the tasks of one run."""
 
     def __init__(self, runner: Runner, report: RunReport) -> None:
         self._runner = runner
@@ -131,7 +131,7 @@ class _Outputs:
         return self._runner.children(digest) or [] if digest else []
 
     def of(self, stage: str, shard: str) -> Fields | None:
-        """Fields of what a stage made of a clip, None where the run has none of it."""
+        """Fields of the output of a stage for a clip; None if the run has none."""
         digest = self._digest(stage, shard) if (stage, shard) in self._done else None
         return self.fields(digest) if digest else None
 

@@ -1,4 +1,4 @@
-"""Models that the settings name, found once: a local folder, or a hub id that is downloaded where there is a network."""
+"""Resolve the models that the settings name, once: local folders, or hub ids, which are downloaded if there is a network."""
 
 from __future__ import annotations
 
@@ -15,8 +15,9 @@ from schemas.files import FileTree
 
 
 def resolve_weights(chosen: Settings, digest: Callable[[Path], str]) -> Settings:
-    """The settings with the files of every model that a chosen backend reads, and of the `backbones` that a training starts from.
-    `model` and `backbones` then only say what they are called: where they lie is in no key. UsageError when a model cannot be
+    """Add the files of every model that a selected backend reads, and of the `backbones` of a training.
+
+    `model` and `backbones` keep only a name, so that the location is not part of the key. UsageError when a model cannot be
     found.
     """
     found: dict[str, FileTree] = {}
@@ -30,7 +31,7 @@ def resolve_weights(chosen: Settings, digest: Callable[[Path], str]) -> Settings
             continue
         name, own = params.backend, block(params, params.backend)
         if not own.model:
-            raise UsageError(f"{stage}.backend={name} reads weights, and none are named: add "
+            raise UsageError(f"{stage}.backend={name} reads weights, but no model is named: add "
                              f"--set {stage}.{name}.model=MODEL, {_needs(stage, name)}")
         found[stage] = _files(f"{stage}.{name}.model", own.model, digest)
         named[stage] = dataclasses.replace(params, **{name: dataclasses.replace(own, model=_label(own.model))})
@@ -38,14 +39,17 @@ def resolve_weights(chosen: Settings, digest: Callable[[Path], str]) -> Settings
 
 
 def reads_weights(params: Any) -> bool:
-    """Whether the chosen backend of a stage says that it reads weights."""
+    """Return True when the selected backend of a stage declares WEIGHTS."""
     stage = type(params).__module__.rpartition(".")[2]
     chosen = getattr(params, "backend", "")
     return any(one.weights and one.name == chosen for one in backends_of(stage))
 
 
 def _asked(params: Any) -> bool:
-    """Whether a model is named, or a backend that is not the usual one; a usual one without a model is not used at all."""
+    """Return True when a model is named, or a backend other than the default is selected.
+
+    The default backend without a model does not use one.
+    """
     usual = next((field.default for field in dataclasses.fields(params) if field.name == "backend"), "")
     backend = getattr(params, "backend", "")
     return bool(getattr(block(params, backend), "model", "")) or backend != usual
@@ -65,5 +69,5 @@ def _files(parameter: str, model: str, digest: Callable[[Path], str]) -> FileTre
 
 
 def _label(model: str) -> str:
-    """A hub id as it is, the last part of a path."""
+    """Name of a model: a hub id unchanged, the last part of a path."""
     return Path(model).absolute().name if Path(model).expanduser().exists() else model

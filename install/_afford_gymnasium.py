@@ -1,7 +1,7 @@
-"""Register afford's environments when gymnasium is imported. Lies in site-packages; a `.pth` file imports it when Python starts.
+"""Register afford's environments when gymnasium is imported. A `.pth` file in site-packages imports this module at start-up.
 
-It reads nothing of afford: an entry point is a name, which gymnasium imports when somebody makes the environment. So a script in
-another checkout gets that checkout's afford, and a stage that imports gymnasium opens no file that is not in its key.
+The module imports nothing of afford: an entry point is a name, which gymnasium imports when the environment is created. A script in
+another checkout therefore gets that checkout's afford, and a stage that imports gymnasium opens no file outside its key.
 """
 
 import sys
@@ -12,11 +12,11 @@ ENVIRONMENTS = {
     "afford/HandImitation-v0": ("afford.grasping.imitation.imitate_env:HandImitation",
                                 "afford.grasping.imitation.imitate_env:HandImitationVector"),
 }
-"""as in afford/environments.py"""
+"""same entries as in afford/environments.py"""
 
 
 class _Finder:
-    """Finds gymnasium's registry as the other finders do, and appends the registration to its loading."""
+    """Find gymnasium's registry through the other finders, and append the registration to its loading."""
 
     def find_spec(self, name, path=None, target=None):
         if name != REGISTRY:

@@ -1,8 +1,9 @@
-"""Build backend: setuptools, and one file more, which makes gymnasium know afford's environments.
+"""Build backend: setuptools, plus one file that registers afford's environments with gymnasium.
 
-gymnasium before 1.0 reads the entry points `gymnasium.envs`; since 1.0 it reads none, and wants an import of the package first. The
-editable wheel therefore has a `.pth` file, which Python reads when it starts, and the module that it imports: see
-install/_afford_gymnasium.py. Only editable wheels are built: data, pages and the store are found beside the sources.
+gymnasium before 1.0 reads the entry points `gymnasium.envs`; since 1.0 it requires an import of the package first. The editable
+wheel therefore contains a `.pth` file, which Python reads at start-up, and the module that it imports: see
+install/_afford_gymnasium.py. Only editable wheels are built, because data, documentation and the store are found relative to the
+sources.
 """
 
 from __future__ import annotations
@@ -24,28 +25,28 @@ from setuptools.build_meta import (
 __all__ = ["build_editable", "build_sdist", "build_wheel", "get_requires_for_build_editable", "get_requires_for_build_wheel",
            "prepare_metadata_for_build_editable", "prepare_metadata_for_build_wheel"]  # fmt: skip
 HOOK = Path(__file__).with_name("_afford_gymnasium.py")
-ONLY_EDITABLE = "afford is installed from its own folder: expected `make setup` or `pip install --editable .`, got {}"
+ONLY_EDITABLE = "cannot build {}: afford is installed from its own folder, with `make setup` or `pip install --editable .`"
 
 
 def build_editable(wheel_directory: str, config_settings: Any = None, metadata_directory: str | None = None) -> str:
-    """The wheel of setuptools, with the hook in it."""
+    """Build the wheel with setuptools, and add the hook."""
     name = build_meta.build_editable(wheel_directory, config_settings, metadata_directory)
     add(Path(wheel_directory) / name, {HOOK.name: HOOK.read_bytes(), f"{HOOK.stem}.pth": f"import {HOOK.stem}\n".encode()})
     return name
 
 
 def build_wheel(wheel_directory: str, config_settings: Any = None, metadata_directory: str | None = None) -> str:
-    """Refuse: SystemExit."""
-    raise SystemExit(ONLY_EDITABLE.format("a wheel that would be copied"))
+    """Refuse with SystemExit: only editable wheels are supported."""
+    raise SystemExit(ONLY_EDITABLE.format("a wheel of copied files"))
 
 
 def build_sdist(sdist_directory: str, config_settings: Any = None) -> str:
-    """Refuse: SystemExit."""
+    """Refuse with SystemExit: only editable wheels are supported."""
     raise SystemExit(ONLY_EDITABLE.format("a source archive"))
 
 
 def add(wheel: Path, files: dict[str, bytes]) -> None:
-    """Put files into a wheel, and into the list that it has of itself."""
+    """Add files to a wheel and to its RECORD."""
     with zipfile.ZipFile(wheel) as old:
         held = {name: old.read(name) for name in old.namelist()}
     record = next(name for name in held if name.endswith(".dist-info/RECORD"))
@@ -57,5 +58,5 @@ def add(wheel: Path, files: dict[str, bytes]) -> None:
 
 
 def digest(data: bytes) -> str:
-    """SHA-256 as a wheel's RECORD has it."""
+    """SHA-256 in the encoding of a wheel's RECORD."""
     return base64.urlsafe_b64encode(hashlib.sha256(data).digest()).rstrip(b"=").decode()

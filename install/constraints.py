@@ -1,11 +1,11 @@
 """Pin every package that afford installs, with the hashes of all its files, and show that the pins resolve on each Python.
 
-    make constraints                                      # writes constraints*.txt; pins that still fit stay
-    make constraints ARGS="--upgrade"                     # moves every pin to the newest release that fits
-    make constraints ARGS="--check"                       # writes nothing: asks for wheels on each Python and machine
+    make constraints                                      # write constraints*.txt; keep pins that still resolve
+    make constraints ARGS="--upgrade"                     # update every pin to the newest release that resolves
+    make constraints ARGS="--check"                       # write nothing; check for wheels on each Python and machine
 
-uv resolves for all Pythons and machines at once, and reads the index that `UV_INDEX_URL` names, else its own default. torch, and
-what its CUDA builds bring, has no hash: each index has its own build of the same version.
+uv resolves for all Pythons and machines together, from the index in `UV_INDEX_URL` or its default index. torch and the packages of
+its CUDA builds have no hash, because each index has its own build of the same version.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ ROOT = Path(__file__).resolve().parent.parent
 PYTHONS = ("3.11", "3.12", "3.13")
 MACHINES = ("x86_64-manylinux_2_28", "aarch64-manylinux_2_34")
 GROUPS = ("", "gpu", "film", "dev")
-"""the dependencies of users, and what each extra of pyproject.toml adds to them"""
+"""dependencies of users (''), and the extras of pyproject.toml that add to them"""
 TORCH = re.compile(r"^(torch|triton|nvidia-[\w-]+|cuda-[\w-]+)==")
 EVERYWHERE = " ; python_full_version < '3.14' and (sys_platform == 'darwin' or sys_platform == 'linux')"
-"""the marker of what is needed on all Pythons and machines of pyproject.toml; it goes without saying"""
+"""marker of packages for all Pythons and machines of pyproject.toml, which is omitted"""
 BUILT = {"pybullet": lambda python, machine: python != "3.11" or machine.startswith("aarch64")}
-"""packages without a wheel -> where; install/preflight.py says so before pip starts"""
+"""package -> function that is true where it has no wheel; install/preflight.py warns about it"""
 HEAD = "# Written by `make constraints`: {what}. Installed by `make setup` with --require-hashes.\n"
 UNHASHED = "# Written by `make constraints`. Without a hash: each index has its own build.\n"
 Pins = dict[str, str]
@@ -34,10 +34,10 @@ Pins = dict[str, str]
 
 
 def main() -> int:
-    """Write or check; 1 when the pins do not resolve somewhere."""
-    parser = argparse.ArgumentParser(description="pin what afford installs")
-    parser.add_argument("--upgrade", action="store_true", help="move every pin to the newest release that fits")
-    parser.add_argument("--check", action="store_true", help="write nothing; ask for wheels on each Python and machine")
+    """Write the pins, then check them; return 1 when they do not resolve somewhere."""
+    parser = argparse.ArgumentParser(description="pin the packages that afford installs")
+    parser.add_argument("--upgrade", action="store_true", help="update every pin to the newest release that resolves")
+    parser.add_argument("--check", action="store_true", help="write nothing; check for wheels on each Python and machine")
     asked = parser.parse_args()
     if not asked.check:
         write(asked.upgrade)
@@ -45,7 +45,7 @@ def main() -> int:
 
 
 def write(upgrade: bool) -> None:
-    """Write one file of pins for users, one for what each extra adds, one for torch."""
+    """Write one file of pins for users, one for each extra, and one for torch."""
     every = resolved([extra for extra in GROUPS if extra], [] if upgrade else kept())
     seen = set[str]()
     for extra in GROUPS:
@@ -58,21 +58,21 @@ def write(upgrade: bool) -> None:
 
 
 def check() -> int:
-    """Say for each Python and machine what has wheels and what is built from source; 1 where that is not what BUILT says."""
+    """Report for each Python and machine which packages have no wheel; return 1 where BUILT disagrees."""
     wrong = 0
     for python in PYTHONS:
         for machine in MACHINES:
             built = [name for name, where in BUILT.items() if where(python, machine)]
             wheeled = [name for name in built if not refused(python, machine, only=name)]
             trouble = refused(python, machine, leave_out=built) or (wheeled and f"take {', '.join(wheeled)} out of BUILT")
-            said = trouble or (f"wheels for all but {', '.join(built)}" if built else "wheels for all")
-            sys.stdout.write(f"Python {python} on {machine}: {said}\n")
+            state = trouble or (f"wheels for all but {', '.join(built)}" if built else "wheels for all")
+            sys.stdout.write(f"Python {python} on {machine}: {state}\n")
             wrong += bool(trouble)
     return min(wrong, 1)
 
 
 def refused(python: str, machine: str, leave_out: list[str] | None = None, only: str = "") -> str:
-    """What uv says when these pins cannot be installed from wheels alone, '' when they can. Nothing is downloaded."""
+    """Error of uv when these pins cannot be installed from wheels alone, '' when they can. Nothing is downloaded."""
     pins = {name: lines for group in GROUPS for name, lines in read(group).items()}
     chosen = [lines for name, lines in pins.items() if name not in (leave_out or []) and only in ("", name)]
     with tempfile.TemporaryDirectory() as folder:
@@ -84,7 +84,10 @@ def refused(python: str, machine: str, leave_out: list[str] | None = None, only:
 
 
 def resolved(extras: list[str], pins: list[str]) -> Pins:
-    """Everything that the project and these extras need on any Python and machine. SystemExit where nothing fits."""
+    """Pins of all packages that the project and these extras need on any Python and machine.
+
+    SystemExit when there is no solution.
+    """
     with tempfile.TemporaryDirectory() as folder:
         given, made = Path(folder) / "given.txt", Path(folder) / "made.txt"
         given.write_text("\n".join(pins) + "\n", encoding="utf-8")
@@ -92,38 +95,38 @@ def resolved(extras: list[str], pins: list[str]) -> Pins:
                   "--python-version", PYTHONS[0], "--generate-hashes", "--no-header", "--no-annotate", "--constraint", str(given),
                   "--output-file", str(made))  # fmt: skip
         if done.returncode:
-            raise SystemExit(f"error: no set of pins fits: {done.stderr.strip()}")
+            raise SystemExit(f"error: no set of pins resolves: {done.stderr.strip()}")
         return parse(made.read_text(encoding="utf-8"))
 
 
 def kept() -> list[str]:
-    """The pins that are there, without hashes."""
+    """Existing pins, without hashes."""
     return [pin(lines) for group in (*GROUPS, "torch") for lines in read(group).values()]
 
 
 def read(group: str) -> Pins:
-    """The pins of one file; none where it is not there."""
+    """Pins of one file; empty if it does not exist."""
     return parse(place(group).read_text(encoding="utf-8")) if place(group).is_file() else {}
 
 
 def parse(text: str) -> Pins:
-    """Requirements with the lines that follow each."""
+    """Split a requirements file into pins, each with its continuation lines."""
     entries = re.findall(r"^[^\s#].*\n(?:[ \t]+.*\n)*", text, re.MULTILINE)
     return {entry.split("==")[0].lower(): entry.replace(EVERYWHERE, "") for entry in entries}
 
 
 def pin(lines: str) -> str:
-    """NAME==VERSION, where it is for all machines or for some."""
+    """NAME==VERSION of a requirement, without markers."""
     return lines.split(";")[0].split("\\")[0].strip()
 
 
 def place(group: str) -> Path:
-    """The file of a group."""
+    """Path of the file of a group."""
     return ROOT / (f"constraints-{group}.txt" if group else "constraints.txt")
 
 
 def uv(*words: str) -> subprocess.CompletedProcess[str]:
-    """Run uv of this environment."""
+    """Run uv from this environment."""
     return subprocess.run([sys.executable, "-m", "uv", *words], cwd=ROOT, capture_output=True, text=True)
 
 

@@ -1,6 +1,6 @@
-"""Say, before pip starts, what of afford has no wheel for this Python and machine, and what is large. The standard library only.
+"""Warn before pip starts about packages without a wheel for this Python and machine, and large downloads.
 
-python install/preflight.py                           # 1 where pip cannot succeed
+Uses only the standard library. `python install/preflight.py` returns 1 where pip cannot succeed.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ OLDEST, NEWEST = (3, 11), (3, 13)
 
 
 def main(python: tuple[int, int], system: str, machine: str, compiler: bool, cuda: bool) -> int:
-    """Say it; 1 where it is of no use to go on."""
+    """Print the warnings; return 1 where the installation cannot succeed."""
     if not OLDEST <= python <= NEWEST:
         sys.stderr.write(f"error: expected Python 3.{OLDEST[1]} to 3.{NEWEST[1]}, got {python[0]}.{python[1]}; "
-                         f"name another: make setup PYTHON=python3.{OLDEST[1]}\n")  # fmt: skip
+                         f"use another one: make setup PYTHON=python3.{OLDEST[1]}\n")  # fmt: skip
         return 1
     for line in notes(python, system, machine, compiler, cuda):
         sys.stdout.write(f"note: {line}\n")
@@ -26,25 +26,25 @@ def main(python: tuple[int, int], system: str, machine: str, compiler: bool, cud
 
 
 def notes(python: tuple[int, int], system: str, machine: str, compiler: bool, cuda: bool) -> list[str]:
-    """What is worth a sentence."""
+    """Warnings for this machine."""
     linux, found = system == "Linux", []
     if linux and (python > OLDEST or machine != "x86_64"):
-        need = "minutes" if compiler else "minutes and a C++ compiler, of which none is found: install g++ first"
+        need = "minutes" if compiler else "minutes and needs a C++ compiler, which is missing: install g++ first"
         found.append(f"pybullet has no wheel for Python {python[0]}.{python[1]} on {machine}: "
-                     f"it is compiled here, which takes {need}")  # fmt: skip
+                     f"it will be compiled, which takes {need}")  # fmt: skip
     if linux and machine != "x86_64":
-        found.append(f"embreex has no build for {machine}: it is left out, and what casts rays (mesh_read, the surface stages, "
-                     "object_solids) fails")
+        found.append(f"embreex has no build for {machine}: it is skipped, and stages that cast rays (mesh_read, surface stages, "
+                     "object_solids) will fail")
     if linux and cuda:
-        found.append("torch may come with CUDA's packages, several GB to download; a place of CPU builds in pip's settings "
-                     "avoids that")  # fmt: skip
+        found.append("torch may bring CUDA packages, a download of several GB; an index of CPU builds in pip's settings "
+                     "avoids them")  # fmt: skip
     return found
 
 
 def cuda_offered() -> bool:
-    """Whether pip's settings name no place that has CPU builds of torch."""
-    said = subprocess.run([sys.executable, "-m", "pip", "config", "list"], capture_output=True, text=True).stdout
-    places = [place for line in said.splitlines() if "index-url" in line or "find-links" in line
+    """Return True when pip's settings name no index with CPU builds of torch."""
+    output = subprocess.run([sys.executable, "-m", "pip", "config", "list"], capture_output=True, text=True).stdout
+    places = [place for line in output.splitlines() if "index-url" in line or "find-links" in line
               for place in line.partition("=")[2].strip("'").split()]  # fmt: skip
     return not any("cpu" in place or any(Path(place).glob("torch-*cpu*")) for place in places)
 

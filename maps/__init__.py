@@ -1,1 +1,1 @@
-"""The map of afford by target: which stage follows which. One line per stage; a stage knows no other."""
+"""Maps: one module per system that defines the graphs of its targets, one line per stage."""

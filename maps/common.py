@@ -1,4 +1,4 @@
-"""What the maps of several systems share: recordings of what a run wrote for people, and models found and digested."""
+"""Lines that the maps of several systems share: recordings, reports, and weights."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from stages.recording import run_record, training_record
 
 
 def record_run(g: Graph, stage: str, files: FileTree) -> FileTree:
-    """What a run over all clips wrote for people -> its recording."""
+    """Record files that a stage over all clips wrote for people."""
     made = g.named(f"record_{stage}").add(run_record.run, files=files, params=run_record.Params(stage), ctx=g.ctx)
     return recorded(g, made, stage)
 
 
 def record_training(g: Graph, stage: str, trained: Trained, params: Any) -> FileTree:
-    """Curves and sample pictures of a training, and its parameters -> its recording."""
+    """Record curves, sample pictures and parameters of a training."""
     log, files = g.pick(trained, lambda t: t.log), g.pick(trained, lambda t: t.files)
     made = g.named(f"record_{stage}").add(training_record.run, log=log, files=files, ctx=g.ctx,
                                           params=training_record.Params(stage, parameters(**{stage: params})))
@@ -28,23 +28,24 @@ def record_training(g: Graph, stage: str, trained: Trained, params: Any) -> File
 
 
 def parameters(**stages: Any) -> tuple[tuple[str, str], ...]:
-    """The parameters of stages as a recording of them carries these."""
+    """Convert the parameters of stages to the form that recordings contain."""
     return tuple((stage, json.dumps(asdict(params), sort_keys=True)) for stage, params in stages.items())
 
 
 def recorded(g: Graph, recording: FileTree, name: str) -> FileTree:
-    """A recording, published among those of the source; `{clip}` is one for each clip."""
+    """Publish a recording among those of the source; `{clip}` gives one per clip."""
     return g.publish(recording, f"recordings/{{source}}/{name}.mcap", as_="recordings")
 
 
 def reported(g: Graph, report: FileTree) -> FileTree:
-    """A report, published as that of the source, and its figures."""
+    """Publish a report and its figures as those of the source."""
     return g.measure(g.publish(report, "reports/{source}", as_="report"))
 
 
 def weights(g: Graph, p: Settings, stage: str) -> dict[str, FileTree]:
-    """The argument `weights` of a stage; none where its backend reads no weights, or nobody named any. They are files among its
-    inputs, so that a changed one reruns this stage alone.
+    """Argument `weights` of a stage; empty where its backend reads no weights, or no model is named.
+
+    Weights are input files, so that a changed file reruns this stage alone.
     """
     found = dict(p.weights)
     return {"weights": g.leaf(f"{stage}_weights", found[stage])} if stage in found else {}

@@ -1,4 +1,4 @@
-"""The targets of `make all`, chained as one graph: a stage that several of them have is one node."""
+"""Map of `make all`: its targets chained as one graph, in which a shared stage is one node."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from runner import Graph
 
 CHAIN = {"dataset": dataset, "train": train, "benchmark": measure, "negative-affordance": negative_affordance, "sor3d": sor3d,
          "grasp": grasp}  # fmt: skip
-"""target -> the lines of its graph, in the order in which they are written"""
+"""target -> function that adds its part of the graph, in execution order"""
 
 
 def everything(g: Graph, origin: Origin, p: Settings) -> None:
-    """dataset, train, benchmark, negative-affordance, sor3d and grasp, one after the other; stop and go on at will"""
+    """Build dataset, train, benchmark, negative-affordance, sor3d and grasp, one after the other; resumable."""
     for name, lines in CHAIN.items():
         with g.part(name):
             lines(g, origin.of(name), p)

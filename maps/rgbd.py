@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-from afford.rgbd.boxes import BoxesParams
-from afford.rgbd.evaluate.recipes import PRETRAINED, label, recipes
+from afford.rgbd.evaluate.ablation_rows import PRETRAINED, recipes, row_label
+from afford.rgbd.model.config import BoxesParams
 from maps.common import record_run, record_training, reported, weights
 from maps.settings import Origin, Settings
 from runner import Graph
@@ -103,7 +103,7 @@ def usual(p: Settings) -> tuple[Recipe, ...]:
 
 def kind(planned: tuple[Recipe, ...]) -> str:
     """What stands before the names of stages of recipes of one kind."""
-    return "pretrained_" if label(planned[0]) == PRETRAINED else ""
+    return "pretrained_" if row_label(planned[0]) == PRETRAINED else ""
 
 
 class Taught(NamedTuple):
@@ -157,7 +157,7 @@ def sor3d_ablation(g: Graph, origin: Origin, p: Settings) -> None:
     seeds   = range(mine.first_seed, mine.first_seed + mine.seeds)
     planned = recipes(mine.rows, seeds, p.rgbd.sor3d_train.variant)
     q       = p.with_stages(sor3d_train=replace(p.rgbd.sor3d_train, steps=mine.steps or p.rgbd.sor3d_train.steps))
-    kinds   = [tuple(one for one in planned if (label(one) == PRETRAINED) is late) for late in (False, True)]
+    kinds   = [tuple(one for one in planned if (row_label(one) == PRETRAINED) is late) for late in (False, True)]
     scores  = [examine(g, x.dataset, teach(g, origin, x.dataset, some, q).model, some, q, True) for some in kinds if some]
     more: dict[str, Any] = {"more": scores[1]} if scores[1:] else {}
     page    = g.add(sor3d_report.run, recipes=g.leaf("planned", planned), scores=scores[0], params=mine, ctx=g.ctx, **more,

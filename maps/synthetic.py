@@ -1,4 +1,4 @@
-"""Worlds with exact truth, one line per stage: clips of kitchens, stills, procedural objects."""
+"""Map of the synthetic sources: rendered clips, stills for training and stills for the benchmark."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from stages.twohands import benchmark_set
 
 
 def videos(g: Graph, origin: Origin, p: Settings) -> RenderedClip:
-    """Every video with its files and its ground truth."""
+    """Add every video with its files and its ground truth."""
     if origin.specs:
         return g.add(scene_render.run, spec=g.each(g.leaf("specs", origin.specs)), params=p.synthetic.scene_render, ctx=g.ctx)
     return g.each(g.leaf("videos", origin.videos))
 
 
 def stills_to_train(g: Graph, p: Settings) -> FileTree:
-    """Rendered stills -> the data set that models are trained on."""
+    """Add the training data set of rendered stills."""
     spec    = g.each(g.add(train_plan.run,                                                           params=p.synthetic.train_plan))
     stills  = g.add(still_render.run,       spec=spec,       params=p.synthetic.still_render, ctx=g.ctx)
     samples = g.add(still_sample.run,       stills=stills,                                          params=p.synthetic.still_sample)
@@ -31,7 +31,7 @@ def stills_to_train(g: Graph, p: Settings) -> FileTree:
 
 
 def stills_to_measure(g: Graph, p: Settings) -> FileTree:
-    """Rendered stills of things and rooms that training never sees -> the synthetic benchmark, masks at 855 px width."""
+    """Add the benchmark of rendered stills of held-out objects and rooms, with masks at 855 px width."""
     spec    = g.each(g.add(benchmark_plan.run,                                                   params=p.synthetic.benchmark_plan))
     params  = replace(p.synthetic.still_render, mask_scale=855 / p.synthetic.still_render.width_px)
     stills  = g.named("benchmark_render").add(still_render.run, spec=spec, params=params, ctx=g.ctx)
@@ -39,7 +39,7 @@ def stills_to_measure(g: Graph, p: Settings) -> FileTree:
 
 
 def scenes(g: Graph, origin: Origin, p: Settings) -> None:
-    """rendered clips, as EPIC-format files with ground truth"""
+    """Rendered clips, as EPIC-format files with ground truth."""
     video = videos(g, origin, p)
     parts = (g.pick(video, lambda v: v.files), g.pick(video, lambda v: v.truth)) if origin.specs else ()
     for part, folder in zip(parts, ("files", "truth"), strict=False):
@@ -48,11 +48,11 @@ def scenes(g: Graph, origin: Origin, p: Settings) -> None:
 
 
 def train_set(g: Graph, origin: Origin, p: Settings) -> None:
-    """rendered stills with exact labels, packed for training"""
+    """Rendered stills with exact labels, packed for training."""
     packed = g.publish(stills_to_train(g, p), "datasets/{source}", as_="dataset")
     g.target("train-set", packed, record_run(g, "train_pack", packed))
 
 
 def benchmark_stills(g: Graph, origin: Origin, p: Settings) -> None:
-    """rendered stills of held-out things and rooms, in ActAffordance's folders"""
+    """Rendered stills of held-out objects and rooms, in ActAffordance's folders."""
     g.target("benchmark-set", g.publish(stills_to_measure(g, p), "benchmarks/{source}", as_="benchmark"))

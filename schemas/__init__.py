@@ -1,0 +1,1 @@
+"""Typed values that stages exchange: frozen dataclasses with shape, dtype, unit and frame on every array."""

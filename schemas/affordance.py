@@ -1,4 +1,4 @@
-"""Affordances of the hands on every frame, labels of frames from narrations, and samples of a data set."""
+"""Affordance masks per frame, narration labels of frames, and samples of a data set."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import numpy as np
 
 class Taxonomy(IntEnum):
-    """2HandedAfforder's four classes in the order of the released one-hot vectors; NONE = no hand in contact."""
+    """2HandedAfforder's four classes in the order of the released one-hot vectors; NONE means no hand in contact."""
 
     NONE = -1
     LEFT = 0
@@ -24,15 +24,15 @@ class Taxonomy(IntEnum):
 
 
 TAXONOMY = tuple(one.name.lower() for one in Taxonomy if one is not Taxonomy.NONE)
-"""left, right, both_same, both_different: names of the four classes, in their order"""
+"""names of the four classes in their order: left, right, both_same, both_different"""
 TAKES = ((True, False), (False, True), (True, True), (True, True))
-"""whether each class takes the (left, right) hand"""
+"""whether each class uses the (left, right) hand"""
 MIRRORED = (Taxonomy.RIGHT, Taxonomy.LEFT, Taxonomy.BOTH_SAME, Taxonomy.BOTH_DIFFERENT)
-"""each class in a mirror"""
+"""class of the mirrored sample"""
 
 
 class Rejection(IntEnum):
-    """Why a frame gives no sample; ACCEPTED = it does."""
+    """Reason why a frame gives no sample; ACCEPTED for a frame that gives one."""
 
     ACCEPTED = 0
     NO_CONTACT = 1
@@ -46,7 +46,7 @@ class Rejection(IntEnum):
 
 @dataclass(frozen=True)
 class Affordances(Schema):
-    """Left and right affordance mask per frame: complete object AND same-side hand (then dilated when asked)."""
+    """Affordance masks of the left and the right hand per frame: complete object AND same-side hand, optionally dilated."""
 
     clip_id: str = value("clip")
     objects: tuple[Entity, ...] = value("n objects that `object_index` points into")
@@ -61,7 +61,7 @@ class Affordances(Schema):
 
 @dataclass(frozen=True)
 class FrameLabels(Schema):
-    """Which narrations speak of which frames. A frame may have none, or (policy `all`) several."""
+    """Narrations of each frame. A frame may have none, or several under policy `all`."""
 
     clip_id: str = value("clip")
     narrations: tuple[Narration, ...] = value("n narrations that label at least one frame")
@@ -73,7 +73,7 @@ class FrameLabels(Schema):
 
 @dataclass(frozen=True)
 class Sample(Schema):
-    """One frame with its task: what 2HANDS calls a sample."""
+    """One frame with its task: a sample in the sense of 2HANDS."""
 
     sample_id: str = value("unique in the data set: <video>_<frame>[_<narration>]")
     frame: int = value("frame number of the data set")
@@ -95,7 +95,7 @@ class Sample(Schema):
 
 @dataclass(frozen=True)
 class Samples(Schema):
-    """All samples of a clip, with what was left out and why."""
+    """Samples of a clip, and counts of the frames without a sample by reason."""
 
     clip_id: str = value("clip")
     video_id: str = value("video")

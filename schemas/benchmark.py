@@ -13,11 +13,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Case(Schema):
-    """One image with its task and every valid way (mode) to do it. `h w` is the grid on which masks are compared."""
+    """One image with its task and every valid mode. `h w` is the grid on which masks are compared."""
 
     protocol: str = value("masks (the whole image) or cropped (the objects and a border)")
     video: str = value("EPIC video id, Ego4D clip, or a rendered scene")
-    frame: str = value("frame number as the folder says it")
+    frame: str = value("frame number in the folder's name")
     groups: tuple[str, ...] = value("rows of the report that the case counts in: all, kitchen, shift, epic, ego4d, ...")
     task: str = value("the narration: 'pour tea from kettle'")
     verb: str = value("as annotated, '' when it is not")
@@ -30,13 +30,13 @@ class Case(Schema):
 
     @property
     def case_id(self) -> str:
-        """Unique in a benchmark."""
+        """Id that is unique in a benchmark."""
         return f"{self.protocol}/{self.video}/{self.frame}"
 
 
 @dataclass(frozen=True)
 class Sheet(Schema):
-    """Pictures of the best, the median and the worst cases of one protocol."""
+    """Contact sheet of the best, the median and the worst cases of one protocol."""
 
     protocol: str = value("masks or cropped")
     jpeg: np.ndarray = array("b", "uint8", "JPEG bytes: prediction filled, truth outlined")
@@ -44,7 +44,7 @@ class Sheet(Schema):
 
 @dataclass(frozen=True)
 class MethodScores(Schema):
-    """Everything measured of one method: one row per case, so that any group of cases can be averaged and resampled."""
+    """Scores of one method, one row per case, so that any group of cases can be averaged and resampled."""
 
     name: str = value("method: small, whole_object, the name of a folder of predictions")
     case_id: tuple[str, ...] = value("n cases, by name")
@@ -57,7 +57,7 @@ class MethodScores(Schema):
     compat: np.ndarray = array("n l 4", "float64", "released definitions: IoU, precision, directed and symmetric Hausdorff in px; "
                                "NaN where the released script skips the case")
     taxonomy_true: np.ndarray = array("n", "int8", "Taxonomy; of several valid ones the predicted one, else the first")
-    taxonomy_found: np.ndarray = array("n", "int8", "most probable Taxonomy, -1 when the method tells none")
+    taxonomy_found: np.ndarray = array("n", "int8", "most probable Taxonomy, -1 when the method predicts none")
     reliability: np.ndarray = array("n 3 b", "float64", "per bin of predicted probability: pixels, their summed probability, "
                                     "their summed truth (share of the modes that hold the pixel)")
     sheets: tuple[Sheet, ...] = value("one per protocol")
@@ -65,7 +65,7 @@ class MethodScores(Schema):
 
 @dataclass(frozen=True)
 class Prediction(Schema):
-    """Where each hand goes: k plausible regions per hand, how likely each is, and which hands the task takes."""
+    """Prediction for an image: k region hypotheses per hand, their probabilities, and the taxonomy."""
 
     task: str = value("what is to be done: 'pour tea from kettle'")
     probability: np.ndarray = array("2 k h w", "float32", "hand (left, right), hypothesis; 0..1, at the image's own size")
@@ -75,7 +75,7 @@ class Prediction(Schema):
     threshold: float = value("a pixel belongs to the region where its probability is above this")
 
     def mask(self, side: int | str) -> np.ndarray:
-        """(h, w) bool: the top-ranked region of a hand (0 or 'left', 1 or 'right'), empty when that hand is not selected."""
+        """Return the top-ranked region (h, w) bool of a hand (0 or 'left', 1 or 'right'); empty when the hand is not selected."""
         hand = SIDES.index(side) if isinstance(side, str) else side
         found: np.ndarray = self.probability[hand, self.score[hand].argmax()] > self.threshold
         return found & self.hands[hand]
@@ -83,7 +83,7 @@ class Prediction(Schema):
 
 @dataclass(frozen=True)
 class Score(Schema):
-    """One measured quantity of one clip: a sum and a count, so that means over clips weigh every item alike."""
+    """One measured quantity of one clip, as a sum and a count, so that means over clips weigh all items equally."""
 
     name: str = value("dotted name, e.g. densify.j.gap15 or baseline.nearest.j.gap15")
     total: float = value("sum over items")
@@ -92,7 +92,7 @@ class Score(Schema):
 
 @dataclass(frozen=True)
 class ClipScores(Schema):
-    """Everything measured on one clip."""
+    """Scores of the extraction stages on one clip."""
 
     clip_id: str = value("clip")
     hard: tuple[str, ...] = value("why the clip is hard; empty for a standard clip")

@@ -1,4 +1,4 @@
-"""Every schema. The codec's code does not include this list, which names classes and not modules: a schema may move."""
+"""List of all schemas. It names classes, not modules, so a schema may move; fingerprints of the codec exclude it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How grasps went, and clips were followed, episode by episode."""
+"""Grasp episodes, tracking of clips, and their evaluation."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class GraspTrace(Schema):
-    """One episode, step by step; row 0 is its beginning, row k what action k led to."""
+    """Trace of one episode, step by step. Row 0 is the initial state, row k the state after action k."""
 
     name: str = value("id: task and number of the episode")
     task: str = value("name of the GraspTask")
@@ -34,7 +34,7 @@ class GraspTrace(Schema):
 
 @dataclass(frozen=True)
 class GraspExam(Schema):
-    """One examination that a report is to tell of, finished or not."""
+    """One evaluation that a report lists, finished or not."""
 
     name: str = value("id, unique among its siblings: policy-seed-level-engine")
     policy: str = value("as of its GraspEpisodes")
@@ -59,19 +59,19 @@ class GraspEpisodes(Schema):
     traces: tuple[GraspTrace, ...] = value("a few of them, step by step")
 
     def figure(self, name: str) -> np.ndarray:
-        """(n,) of one figure; ValueError for one that was not measured."""
+        """Return the values (n,) of one figure. Raises ValueError for a figure that was not measured."""
         found: np.ndarray = self.values[:, self.figures.index(name)]
         return found
 
 
 @dataclass(frozen=True)
 class ClipsFollowed(Schema):
-    """How near hands come to n clips of people, clip by clip and follower by follower."""
+    """Tracking errors of hands that follow n clips of people, for each clip and follower."""
 
     name: str = value("id, unique among its siblings: policy-level-engine")
     level: str = value("one of schemas.grasp.LEVELS: whose objects the clips grasp")
     engine: str = value("mujoco or bullet")
-    follower: tuple[str, ...] = value("n names: prior, the policy; clip, motors that go where the clip goes; still, nobody")
+    follower: tuple[str, ...] = value("n names: prior (the policy), clip (motors that track the clip), still (no motion)")
     clip: tuple[str, ...] = value("n names of clips")
     level_1_m: np.ndarray = array("n", "float64", "of the joints where fingers leave the palm from the clip's, mean over "
                                   "fingers and steps", unit="m")  # fmt: skip
@@ -82,7 +82,7 @@ class ClipsFollowed(Schema):
 
 @dataclass(frozen=True)
 class TwoTasks(Schema):
-    """Where a policy grasps n times the same object from the same start, with N_t at one end and at the other."""
+    """n grasps of the same object from the same start, with N_t at one end and at the other."""
 
     name: str = value("id, unique among its siblings: policy-engine-seed")
     policy: str = value("e.g. teacher, no_negative")
@@ -96,7 +96,7 @@ class TwoTasks(Schema):
 
 @dataclass(frozen=True)
 class TwoTasksShown(Schema):
-    """The same with a picture; each field is an artifact of its own."""
+    """Two-task grasps with a picture; each field is an artifact of its own."""
 
     pairs: TwoTasks = value("all pairs")
     sheet: FileTree = value("two_tasks.png: an object grasped twice")
@@ -104,12 +104,12 @@ class TwoTasksShown(Schema):
 
 @dataclass(frozen=True)
 class GraspJudgement(Schema):
-    """How much n episodes look like a person's to somebody who was shown them."""
+    """Human-likeness ratings of n episodes by a vision-language model."""
 
     name: str = value("that of the episodes: policy-level-engine")
     policy: str = value("e.g. teacher")
     engine: str = value("mujoco or bullet")
-    backend: str = value("who was asked: vlm or endpoint")
+    backend: str = value("backend that rated: vlm or endpoint")
     model: str = value("its name")
     trace: tuple[str, ...] = value("n names of traces")
     score: np.ndarray = array("n", "float64", "1 to 10")

@@ -1,4 +1,4 @@
-"""Files that enter the pipeline from outside, or leave a stage as files: named, content-digested, read-only."""
+"""Files that enter the pipeline or leave a stage: named, content-digested, read-only."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from schemas.spec import Schema, value
 
 @dataclass(frozen=True)
 class FileRef(Schema):
-    """One file, or one folder of many frames. Its identity is (name, digest); where it lies on this machine is no part of it."""
+    """One file, or one folder of frames, identified by name and digest. Its path is not part of its identity."""
 
     name: str = value("path relative to the source root, with forward slashes")
     digest: str = value("blake3 of the bytes, hex; of a folder, of its names and their bytes")
@@ -20,15 +20,15 @@ class FileRef(Schema):
 
 @dataclass(frozen=True)
 class FileTree(Schema):
-    """A folder of files, sorted by name. `name` labels the shard: a video, a scene, an exported data set."""
+    """Folder of files, sorted by name. `name` labels the shard: a video, a scene, an exported data set."""
 
     name: str = value("label, unique among its siblings")
     files: tuple[FileRef, ...] = value("sorted by name")
 
     def find(self, name: str) -> FileRef | None:
-        """The file with exactly this name, or None."""
+        """Return the file with exactly this name, or None."""
         return next((file for file in self.files if file.name == name), None)
 
     def under(self, folder: str) -> tuple[FileRef, ...]:
-        """All files below `folder` (no trailing slash), in order."""
+        """Return all files below `folder` (no trailing slash), in order."""
         return tuple(file for file in self.files if file.name.startswith(folder + "/"))

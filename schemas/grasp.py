@@ -1,4 +1,4 @@
-"""Bodies to be grasped, tasks, lists of both, and 6-DoF grasp candidates with their comparison."""
+"""Rigid bodies to grasp, grasp tasks, and 6-DoF grasp candidates with their comparison."""
 
 from __future__ import annotations
 
@@ -12,11 +12,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class GraspObject(Schema):
-    """A rigid body, in the frame of its mesh: z up, resting on z = 0. Hull k has the corners hull_start[k] to hull_start[k + 1]."""
+    """Rigid body in the frame of its mesh: z up, resting on z = 0.
+
+    The vertices of convex hull k are hull_start[k] to hull_start[k + 1].
+    """
 
     name: str = value("id of the object")
-    category: str = value("what it is, e.g. knife; '' when nobody said")
-    parts: tuple[str, ...] = value("p part names, e.g. handle, blade; faces that nobody named are the part `unnamed`")
+    category: str = value("category, e.g. knife; '' when unknown")
+    parts: tuple[str, ...] = value("p part names, e.g. handle, blade; unnamed faces are the part `unnamed`")
     corners: np.ndarray = array("v 3", "float64", "corners of all convex hulls, one hull after another", unit="m", frame="object")
     hull_start: np.ndarray = array("*", "int32", "h + 1 numbers: where each hull begins in `corners`, and their end")
     hull_part: np.ndarray = array("h", "int16", "index into `parts` of each hull; a hull lies in one part")
@@ -31,13 +34,13 @@ class GraspObject(Schema):
     stand_out_m: np.ndarray = array("h", "float64", "how far each hull stands out of the mesh (95th percentile)", unit="m")
 
     def hulls(self) -> tuple[np.ndarray, ...]:
-        """The (k, 3) corners of each hull."""
+        """Vertices (k, 3) of each convex hull."""
         ends = zip(self.hull_start[:-1], self.hull_start[1:], strict=True)
         return tuple(self.corners[first:last] for first, last in ends)
 
 
 LEVELS = ("train", "unseen_object", "unseen_size", "unseen_category")
-"""objects that a policy learned on; new shapes of their categories; the first in other sizes; other categories"""
+"""training objects; new shapes of their categories; training objects in other sizes; other categories"""
 
 
 @dataclass(frozen=True)
@@ -52,13 +55,13 @@ class GraspTask(Schema):
     hold: str = value("part that is to be held; '' for the largest that is not negative")
     N_t: np.ndarray = array("k 3", "float64", "negative points that a policy is shown and rewards look at; none where nothing is",
                             unit="m", frame="object")  # fmt: skip
-    told: tuple[str, ...] = value("parts that N_t says must not be touched; those of `negative` where it is the truth")
+    told: tuple[str, ...] = value("forbidden parts according to N_t; equal to `negative` where N_t is the ground truth")
     A_t: np.ndarray = array("m 3", "float64", "points where hands belong, which rewards may look at; none where none are known",
                             unit="m", frame="object")  # fmt: skip
 
 
 SPLITS = ("train", "unseen_objects", "unseen_categories")
-"""to learn from; new objects of the same categories; objects of other categories"""
+"""training objects; new objects of the same categories; objects of other categories"""
 
 
 @dataclass(frozen=True)
@@ -73,12 +76,12 @@ class GraspObjects(Schema):
 
 
 TERMS = ("positive", "negative", "antipodal", "centred", "clear", "fit", "upright", "reach")
-"""what a score is the weighted geometric mean of, each 0..1 (docs/grasping/grasp-candidates.md)"""
+"""factors, each 0..1, whose weighted geometric mean is the score (docs/grasping/grasp-candidates.md)"""
 
 
 @dataclass(frozen=True)
 class GraspScene(Schema):
-    """One look of a depth camera at a thing, and where its regions are in that picture."""
+    """One view of a depth camera on an object, with its regions in the image."""
 
     name: str = value("id of the look")
     depth_m: np.ndarray = array("h w", "float32", "along the optical axis, 0 where nothing was measured", unit="m", encoding="zstd")
@@ -92,8 +95,10 @@ class GraspScene(Schema):
 
 @dataclass(frozen=True)
 class HandCandidates(Schema):
-    """Grasps of one hand, best first. The frame of a grasp has the axes of the palm's grip (HandModel.R_palm_grip): x along the
-    thing, to a right hand's thumb, y out of the back of the hand, z to the fingers; its origin is amid what is held.
+    """Grasp candidates of one hand, best first.
+
+    The grasp frame has the axes of the palm's grip (HandModel.R_palm_grip): x along the object towards a right hand's thumb, y
+    out of the back of the hand, z to the fingers. Its origin is at the middle of the gripped part.
     """
 
     side: Literal["left", "right"] = value("whose hand")
@@ -107,7 +112,7 @@ class HandCandidates(Schema):
 
 @dataclass(frozen=True)
 class GraspCandidates(Schema):
-    """All grasps of one look; a hand that the task does not take has none."""
+    """Grasp candidates of one view; empty for a hand that the task does not use."""
 
     name: str = value("id of the look")
     hands: tuple[HandCandidates, ...] = value("left, right")
@@ -124,7 +129,7 @@ METHODS = {
     "predicted": "what a two-hand model says of the picture and the task",
     "predicted+N": "the same, and the parts that a hand must not touch",
 }
-"""which masks grasps come from"""
+"""sources of the masks for grasp candidates"""
 FIGURES = {
     "found": "a grasp was found",
     "held": "the object is in the hand at the end, lifted by 15 cm within 5 cm; 0 where no grasp was found",
@@ -134,12 +139,12 @@ FIGURES = {
     "score": "of the grasp; 0 where none was found",
     "iou": "of the mask and what is seen of the positive parts",
 }
-"""of each trial"""
+"""figures of each trial"""
 
 
 @dataclass(frozen=True)
 class GraspComparison(Schema):
-    """Trials on one object: m methods, e engines, t tasks, l looks at it in poses of its own."""
+    """Trials on one object: m methods, e engines, t tasks, l views at poses of their own."""
 
     name: str = value("id of the object")
     category: str = value("what it is")
@@ -149,6 +154,6 @@ class GraspComparison(Schema):
     values: np.ndarray = array("m e t l 7", "float64", "figures in the order of FIGURES")
 
     def figure(self, name: str) -> np.ndarray:
-        """(m, e, t, l) of one figure."""
+        """Return the values (m, e, t, l) of one figure."""
         found: np.ndarray = self.values[..., list(FIGURES).index(name)]
         return found

@@ -1,4 +1,4 @@
-"""The robot hand (joints, fingers, links, meshes) and its motion: references, targets, retargeting."""
+"""Robot hand (joints, fingers, links, meshes) and its motion: references, targets, retargeting."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ FINGERS = ("thumb", "index", "middle", "ring", "little")
 
 @dataclass(frozen=True)
 class HandJoints(Schema):
-    """The joints, parents before children. Joint k carries link k + 1; link 0 is the root.
+    """Joints, parents before children. Joint k carries link k + 1; link 0 is the root.
 
-    The d joints that are not fixed are the degrees of freedom; a configuration q (d,) has them in this order.
+    The d joints that are not fixed are the degrees of freedom; a configuration q (d,) lists them in this order.
     """
 
     name: tuple[str, ...] = value("j names")
@@ -38,7 +38,7 @@ class HandJoints(Schema):
 
 @dataclass(frozen=True)
 class HandFingers(Schema):
-    """The fingers, thumb first, and the points of them that imitation looks at (AffordDex, HTI)."""
+    """Fingers, thumb first, and their keypoints for imitation (AffordDex, HTI)."""
 
     name: tuple[str, ...] = value("f of thumb, index, middle, ring, little, in this order; hands may lack some")
     base_link: np.ndarray = array("f", "int32", "link whose origin is the base joint (level 1)")
@@ -49,7 +49,7 @@ class HandFingers(Schema):
 
 @dataclass(frozen=True)
 class HandMesh(Schema):
-    """A mesh that the URDF names."""
+    """Mesh that the URDF references."""
 
     file: str = value("its name in the URDF, e.g. meshes/palm.obj")
     vertices: np.ndarray = array("v 3", "float32", "corners, scaled as the hand wants them", unit="m")
@@ -58,7 +58,7 @@ class HandMesh(Schema):
 
 @dataclass(frozen=True)
 class HandModel(Schema):
-    """A hand, from the root (of its 6-DoF gantry, its forearm or its palm) to the fingertips."""
+    """Robot hand, from its root (6-DoF gantry, forearm or palm) to the fingertips."""
 
     name: str = value("what it is called, e.g. shadow")
     side: str = value("left or right: where the thumb is when the palm is seen")
@@ -78,13 +78,13 @@ class HandModel(Schema):
 KEYPOINTS = ("wrist", "thumb_cmc", "thumb_mcp", "thumb_ip", "thumb_tip", "index_mcp", "index_pip", "index_dip", "index_tip",
              "middle_mcp", "middle_pip", "middle_dip", "middle_tip", "ring_mcp", "ring_pip", "ring_dip", "ring_tip",
              "little_mcp", "little_pip", "little_dip", "little_tip")  # fmt: skip
-"""the order of MediaPipe and OpenPose; readers bring others (MANO, DexYCB) into it"""
+"""keypoint order of MediaPipe and OpenPose; readers convert others (MANO, DexYCB) to it"""
 PHASES = ("unknown", "reach", "close", "hold", "lift")
 
 
 @dataclass(frozen=True)
 class HandMotion(Schema):
-    """One hand of a person in one clip; a single frame is a pose. Without a tracked wrist, the wrist is the origin."""
+    """Motion of one human hand in one clip; a single frame is a pose. Without a tracked wrist, the wrist is the origin."""
 
     name: str = value("id of the clip, unique in its source")
     source: str = value("where it comes from: keypoints, dexycb, oakink2, synthetic")
@@ -101,7 +101,7 @@ class HandMotion(Schema):
 
 @dataclass(frozen=True)
 class GraspTarget(Schema):
-    """Something to be grasped across, by a handle: what the synthesis of motion needs to know of an object."""
+    """Graspable handle of an object: the input of motion synthesis."""
 
     name: str = value("id")
     object_name: str = value("which object")
@@ -112,7 +112,7 @@ class GraspTarget(Schema):
 
 @dataclass(frozen=True)
 class HandReference(Schema):
-    """What a robot hand is to imitate, in its own degrees of freedom (AffordDex, HTI)."""
+    """Reference motion that a robot hand imitates, in its own degrees of freedom (AffordDex, HTI)."""
 
     name: str = value("id of the clip")
     hand: str = value("name of the hand")
@@ -138,7 +138,7 @@ class HandReference(Schema):
 
 @dataclass(frozen=True)
 class RetargetVerdict(Schema):
-    """What became of one clip; a figure that was not reached is -1."""
+    """Result of the retargeting of one clip; -1 for a figure that was not computed."""
 
     name: str = value("id of the clip")
     source: str = value("where it comes from")
@@ -156,7 +156,7 @@ class RetargetVerdict(Schema):
 
 @dataclass(frozen=True)
 class Retargeted(Schema):
-    """A clip and what became of it."""
+    """Retargeted clip and its verdict."""
 
     name: str = value("id of the clip")
     verdict: RetargetVerdict = value("kept or dropped, and why")
@@ -165,7 +165,7 @@ class Retargeted(Schema):
 
 @dataclass(frozen=True)
 class RetargetReport(Schema):
-    """What became of every clip."""
+    """Verdicts of all clips."""
 
     name: str = value("name of the hand")
     verdicts: tuple[RetargetVerdict, ...] = value("by name")
@@ -175,7 +175,7 @@ class RetargetReport(Schema):
 
 @dataclass(frozen=True)
 class ReferenceSet(Schema):
-    """All motions that a robot hand is to imitate."""
+    """Reference motions that a robot hand imitates."""
 
     name: str = value("name of the hand")
     references: tuple[HandReference, ...] = value("by name")

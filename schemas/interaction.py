@@ -1,4 +1,4 @@
-"""RGB-D interactions with objects (SOR3D-AFF): specifications, clips, truth, scene flow, scores."""
+"""RGB-D interactions with objects (SOR3D-AFF): specifications, clips, ground truth, scene flow, scores."""
 
 from __future__ import annotations
 
@@ -12,12 +12,13 @@ if TYPE_CHECKING:
     import numpy as np
 
 AFFORDANCES = ("grasp", "cut", "lift", "push", "rotate", "hammer", "squeeze", "paint", "type")
-"""the nine of SOR3D-AFF in the order in which the paper lists them; the released code sorts them by name, see CODE_ORDER.
-Labels and results are by this order; files on disk carry colours and so know of neither"""
+"""the nine affordances of SOR3D-AFF in the paper's order, which labels and results follow; the released code sorts them by name
+(CODE_ORDER), and files on disk contain colours, which are independent of the order
+"""
 BACKGROUND = 9
-"""label of what affords nothing; the last class in the paper and in the released code"""
+"""label of background; the last class in the paper and in the released code"""
 CODE_ORDER = ("cut", "grasp", "hammer", "lift", "paint", "push", "rotate", "squeeze", "type")
-"""the classes 0 to 8 of the released code (STCAE)"""
+"""classes 0 to 8 of the released code (STCAE)"""
 COLOURS_BGR = {
     "grasp": (0, 255, 0),
     "cut": (0, 165, 255),
@@ -29,14 +30,14 @@ COLOURS_BGR = {
     "paint": (200, 255, 0),
     "type": (240, 255, 0),
 }
-"""colours of mask files, blue, green, red, as the released code reads them; every other colour is background"""
+"""BGR colours of mask files, as the released code reads them; every other colour is background"""
 OBJECT_TYPES = ("ball", "book", "bottle", "brush", "can", "cup", "hammer", "knife", "pitcher", "smartphone", "sponge")
-"""those of the released code: eleven, where the paper says ten"""
+"""object types of the released code: eleven, where the paper counts ten"""
 
 
 @dataclass(frozen=True)
 class InteractionSpec(Schema):
-    """One sequence to render."""
+    """Specification of one sequence to render."""
 
     name: str = value("id of the sequence, unique")
     split: str = value("train or val")
@@ -50,7 +51,7 @@ class InteractionSpec(Schema):
 
 @dataclass(frozen=True)
 class InteractionClip(Schema):
-    """An RGB-D sequence with the label of its last frame, from a sensor or made; colours lie on the grid of the depth."""
+    """RGB-D sequence, recorded or rendered, with the label of its last frame. Colour is registered to depth."""
 
     name: str = value("id of the sequence, unique in its set")
     split: str = value("train or val")
@@ -68,7 +69,7 @@ class InteractionClip(Schema):
 
 @dataclass(frozen=True)
 class InteractionTruth(Schema):
-    """What was true of a made sequence. It is for measuring, never an input of training."""
+    """Ground truth of a rendered sequence, for evaluation only, never an input of training."""
 
     name: str = value("the sequence")
     flow_m: np.ndarray = array("s h w 3", "float32", "motion of the surface seen in frame i until frame i + 1; s = t - 1",
@@ -81,7 +82,7 @@ class InteractionTruth(Schema):
 
 @dataclass(frozen=True)
 class RenderedInteraction(Schema):
-    """A made sequence: what the sensor recorded, as files that are read like any others, and, apart, what was so."""
+    """Rendered sequence: sensor files that are read like recorded ones, and the ground truth."""
 
     files: FileTree = value("one sequence in the layout of SOR3D-AFF (docs/rgbd/interaction-data.md)")
     truth: InteractionTruth = value("for measuring only")
@@ -89,7 +90,7 @@ class RenderedInteraction(Schema):
 
 @dataclass(frozen=True)
 class StaticSample(Schema):
-    """A picture with affordance labels (UMD, IIT-AFF), for static evaluation."""
+    """Image with affordance labels (UMD, IIT-AFF), for static evaluation."""
 
     name: str = value("id of the picture, unique in its set")
     source: str = value("umd or iit-aff")
@@ -104,10 +105,10 @@ class StaticSample(Schema):
 
 @dataclass(frozen=True)
 class StaticSet(Schema):
-    """Pictures of one source, and what was wrong with those that could not be read."""
+    """Images of one source, and the errors of those that could not be read."""
 
     samples: tuple[StaticSample, ...] = value("one at least, by name")
-    refused: tuple[str, ...] = value("a sentence for every other picture that was asked for")
+    refused: tuple[str, ...] = value("error message of every other selected image")
 
 
 @dataclass(frozen=True)
@@ -122,12 +123,12 @@ class ActionClip(Schema):
 
 @dataclass(frozen=True)
 class ShownAnswer(Schema):
-    """What a model said of one sequence, kept for pictures; m modes as in the InteractionScores that hold it."""
+    """Output of a model for one sequence, kept for figures; m modes as in its InteractionScores."""
 
     clip: str = value("the sequence")
     rgb: np.ndarray = array("h w 3", "uint8", "its last frame at the size of the model", encoding="zstd")
     truth: np.ndarray = array("h w", "uint8", "index in AFFORDANCES, BACKGROUND elsewhere", encoding="zstd")
-    label: np.ndarray = array("m h w", "uint8", "what was said, likewise", encoding="zstd")
+    label: np.ndarray = array("m h w", "uint8", "predicted label, likewise", encoding="zstd")
     confidence: np.ndarray = array("m h w", "float16", "probability of that label", encoding="zstd")
     attention: np.ndarray = array("m a b", "float32", "over the latent; a mean of 1, or a sum of 1 where it is not rescaled; "
                                   "a = b = 0 without attention")
@@ -135,7 +136,7 @@ class ShownAnswer(Schema):
 
 @dataclass(frozen=True)
 class InteractionScores(Schema):
-    """A model on n sequences in m modes. Counts are of pixels, so that those of a set are sums."""
+    """Scores of a model on n sequences in m modes. Pixel counts add up over a set."""
 
     name: str = value("the model")
     mode: tuple[str, ...] = value("m of: video, static (the last frame alone)")
@@ -151,7 +152,7 @@ class InteractionScores(Schema):
 
 @dataclass(frozen=True)
 class FlowScore(Schema):
-    """Errors of the motion of one sequence, summed over pixels and pairs of frames; they add up."""
+    """Scene flow errors of one sequence, summed over pixels and frame pairs, so that they add up."""
 
     name: str = value("the sequence")
     pixels: int = value("whose true motion is known")
@@ -168,7 +169,7 @@ class FlowScore(Schema):
 
 @dataclass(frozen=True)
 class SceneFlow(Schema):
-    """Motion of the surface seen in frame i of a clip until frame i + 1; s is one less than the clip's frames. Never NaN."""
+    """Scene flow of the surface visible in frame i until frame i + 1; s is the number of frames minus one. Never NaN."""
 
     name: str = value("the clip")
     flow_m: np.ndarray = array("s h w 3", "float16", "motion in space", unit="m per frame",

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Entity(Schema):
-    """A hand or an object, followed through a clip."""
+    """Hand or object, tracked through a clip."""
 
     entity_id: str = value("unique in the clip: 'left hand', 'right hand', or the object's name with #n for the n-th of it")
     name: str = value("name as annotated")
@@ -25,11 +25,11 @@ class Entity(Schema):
 
 
 class TrackFlag(IntFlag):
-    """What is known about one entity in one frame; 0 = out of sight."""
+    """State of one entity in one frame; 0 is out of sight."""
 
     VISIBLE = 1
     KEY = 2
-    """the mask is the annotator's own"""
+    """the mask is an annotator's"""
     ENTERING = 4
     """between a key frame without the entity and one with it"""
     LEAVING = 8
@@ -38,7 +38,7 @@ class TrackFlag(IntFlag):
 
 @dataclass(frozen=True)
 class Tracks(Schema):
-    """The visible mask of every entity in every frame."""
+    """Visible mask of every entity in every frame."""
 
     clip_id: str = value("clip")
     entities: tuple[Entity, ...] = value("n entities, hands first (left, right), then objects by entity_id")
@@ -54,7 +54,7 @@ class Tracks(Schema):
 
 @dataclass(frozen=True)
 class CompleteObjects(Schema):
-    """The complete (amodal) mask of every object of `Tracks` that a hand ever touches."""
+    """Complete (amodal) mask of every object of `Tracks` that a hand ever touches."""
 
     clip_id: str = value("clip")
     entities: tuple[Entity, ...] = value("n objects, a subset of Tracks.entities in the same order")

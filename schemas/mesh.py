@@ -1,4 +1,4 @@
-"""Objects in 3-D: what one is asked to be, its textured surface, its parts, and how it looks from all sides."""
+"""3-D objects: specification, textured mesh, parts, and rendered views."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ObjectSpec(Schema):
-    """One procedural object to build. The same spec gives the same bytes."""
+    """Specification of one procedural object. The same spec gives the same bytes."""
 
     name: str = value("id of the object, unique among its siblings, e.g. knife_03")
     category: str = value("what it is, e.g. knife; one of the categories of afford/objects")
@@ -24,10 +24,10 @@ class ObjectSpec(Schema):
 
 @dataclass(frozen=True)
 class ObjectMesh(Schema):
-    """A triangle mesh with its texture."""
+    """Triangle mesh with its texture."""
 
     name: str = value("id of the object")
-    category: str = value("what it is, e.g. knife; '' when nobody said")
+    category: str = value("category, e.g. knife; '' when unknown")
     vertices: np.ndarray = array("v 3", "float32", "corners of triangles", unit="m", frame="object")
     faces: np.ndarray = array("f 3", "int32", "vertex indices, counter-clockwise seen from outside")
     uv: np.ndarray = array("f 3 2", "float32", "texture coordinates of each corner, 0..1, v upwards as in OBJ and GLB")
@@ -36,16 +36,16 @@ class ObjectMesh(Schema):
 
 @dataclass(frozen=True)
 class MeshParts(Schema):
-    """The semantic parts of a mesh."""
+    """Semantic parts of a mesh."""
 
     name: str = value("id of the object")
     names: tuple[str, ...] = value("p part names, e.g. handle, blade")
-    part: np.ndarray = array("f", "int16", "index into `names` of each face, -1 where nobody said")
+    part: np.ndarray = array("f", "int16", "index into `names` of each face, -1 where unknown")
 
 
 @dataclass(frozen=True)
 class PartedMesh(Schema):
-    """A mesh and its parts; each field is an artifact of its own."""
+    """Mesh and its parts; each field is an artifact of its own."""
 
     mesh: ObjectMesh = value("its surface")
     parts: MeshParts = value("its parts; every face -1 and no names where they are not known")
@@ -53,7 +53,7 @@ class PartedMesh(Schema):
 
 @dataclass(frozen=True)
 class Repair(Schema):
-    """Something that was done to a mesh, or that could not be."""
+    """Repair of a mesh, done or impossible."""
 
     what: str = value("what, e.g. holes filled")
     count: int = value("how often; 1 or more")
@@ -61,12 +61,12 @@ class Repair(Schema):
 
 @dataclass(frozen=True)
 class MeshReport(Schema):
-    """How a mesh was read."""
+    """Report on the reading of a mesh."""
 
     name: str = value("id of the object")
     source: str = value("file that it was read from")
     unit: str = value("what the numbers of the file are taken for: m, cm, mm or inch")
-    decided: str = value("who said so: the user, the format, or its size")
+    decided: str = value("source of the unit: the user, the format, or the mesh size")
     scale: float = value("what they were multiplied by", unit="m")
     repairs: tuple[Repair, ...] = value("in the order in which they were done; what was not needed is left out")
     deviation_m: float = value("largest distance of the simplified surface from the original one; 0 when not simplified", unit="m")
@@ -77,7 +77,7 @@ class MeshReport(Schema):
 
 @dataclass(frozen=True)
 class ReadMesh(Schema):
-    """A mesh from a file; each field is an artifact of its own."""
+    """Mesh from a file; each field is an artifact of its own."""
 
     mesh: ObjectMesh = value("its surface, in metres and repaired")
     parts: MeshParts = value("its parts as the label file has them; every face -1 and no names where there is none")
@@ -86,7 +86,7 @@ class ReadMesh(Schema):
 
 @dataclass(frozen=True)
 class ObjectViews(Schema):
-    """An object seen from all sides, with the exact face behind every pixel."""
+    """Views of an object from all sides, with the exact face of every pixel."""
 
     name: str = value("id of the object")
     views: tuple[str, ...] = value("n labels: front, back, left, right, top, bottom, then added_1, ...")

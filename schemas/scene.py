@@ -1,4 +1,4 @@
-"""Rendered worlds: specifications of clips and stills, their ground truth, and pictures to train a hand finder on."""
+"""Rendered scenes: specifications of clips and stills, their ground truth, and labelled images for the hand finder."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class SceneSpec(Schema):
-    """One clip to render. The same spec gives the same bytes."""
+    """Specification of one clip. The same spec gives the same bytes."""
 
     video_id: str = value("EPIC-style id of the clip, e.g. P91_03")
     script: str = value("name of the choreography, e.g. 'pour', 'carry', 'open_jar'")
@@ -28,21 +28,21 @@ class SceneSpec(Schema):
 
 @dataclass(frozen=True)
 class StillSpec(Schema):
-    """One room with things of its own, of which stills are rendered. The same spec gives the same bytes."""
+    """Specification of the stills of one room with objects of its own. The same spec gives the same bytes."""
 
     video_id: str = value("id of the set of stills, e.g. P81_03")
     setting: str = value("kitchen, workshop or desk")
     seed: int = value("seed of everything random in it")
     split: str = value("train, val or test")
-    asks: str = value("known: things and verbs that training shows; new: what it never shows; any: both")
-    layouts: int = value("how often the things are laid out anew")
-    views: int = value("pictures of each layout")
-    tasks: int = value("most tasks asked of one picture")
+    asks: str = value("known: objects and verbs that training shows; new: held-out ones; any: both")
+    layouts: int = value("number of random layouts of the objects")
+    views: int = value("images of each layout")
+    tasks: int = value("maximum number of tasks of one image")
 
 
 @dataclass(frozen=True)
 class RenderedClip(Schema):
-    """A video as files: an EPIC/VISOR root of one video, and, apart, its ground truth (see `ClipTruth`)."""
+    """Rendered video as files: an EPIC/VISOR root of one video, and its ground truth (see `ClipTruth`)."""
 
     files: FileTree = value("videos/, GroundTruth-SparseAnnotations/, EPIC_100_*.csv, as in an EPIC root")
     media: FileTree = value("those of `files` that hold pictures: the video file, or the frame images")
@@ -51,7 +51,7 @@ class RenderedClip(Schema):
 
 @dataclass(frozen=True)
 class Mode(Schema):
-    """One valid way to do a task: where each hand goes."""
+    """One valid way to do a task: the region of each hand."""
 
     masks: np.ndarray = array("4 h w", "bool", "affordance left, right; complete object left, right", encoding="rle")
     objects: tuple[str, str] = value("name of the (left, right) hand's object, '' for an idle hand")
@@ -62,26 +62,26 @@ class Mode(Schema):
 
 @dataclass(frozen=True)
 class Still(Schema):
-    """A task in a picture."""
+    """One task in an image, with its valid modes."""
 
     number: int = value("1-based, unique in the video")
-    image: int = value("index into Stills.images; several tasks share a picture, so that only the text tells them apart")
+    image: int = value("index into Stills.images; several tasks share an image, so that only the text distinguishes them")
     narration: Narration = value("the task")
-    kinds: tuple[str, ...] = value("kinds of the things that it speaks of")
-    new: bool = value("whether training never shows such a thing, or never this verb with it")
+    kinds: tuple[str, ...] = value("kinds of the objects that it names")
+    new: bool = value("whether the object, or this verb with it, is held out from training")
     modes: tuple[Mode, ...] = value("valid ways, likeliest first")
 
 
 @dataclass(frozen=True)
 class Picture(Schema):
-    """One image as a file."""
+    """One image as an encoded file."""
 
     jpeg: np.ndarray = array("b", "uint8", "JPEG bytes, no hands in it")
 
 
 @dataclass(frozen=True)
 class Stills(Schema):
-    """All stills of one room with its own things."""
+    """Stills of one room."""
 
     video_id: str = value("stands for a video: stills of one room are never split")
     participant_id: str = value("e.g. P81")
@@ -95,7 +95,7 @@ class Stills(Schema):
 
 @dataclass(frozen=True)
 class ClipTruth(Schema):
-    """What is true of every frame of a rendered clip, by construction. Arrays are (t, h, w) at the size of the video."""
+    """Ground truth of every frame of a rendered clip, exact by construction. Arrays are (t, h, w) at the size of the video."""
 
     clip_id: str = value("clip (the video id of the rendered clip)")
     hard: tuple[str, ...] = value("why the clip counts as hard, e.g. 'articulated'; empty for a standard clip")
@@ -115,12 +115,12 @@ class ClipTruth(Schema):
 
 
 REST, LEFT_HAND, RIGHT_HAND, TOUCHED, SLEEVE = range(5)
-"""labels of pixels: anything else; skin of a hand and its arm, with glove or watch; a thing that a hand touches; cloth on an arm"""
+"""pixel labels: other; skin of a hand and its arm, with glove or watch; touched object; sleeve"""
 
 
 @dataclass(frozen=True)
 class HandRoom(Schema):
-    """A room to render lessons in. The same room gives the same bytes."""
+    """Specification of a room for labelled images of hands. The same room gives the same bytes."""
 
     name: str = value("e.g. P71_003")
     setting: str = value("kitchen, workshop or desk")
@@ -130,7 +130,7 @@ class HandRoom(Schema):
 
 @dataclass(frozen=True)
 class HandLessons(Schema):
-    """The lessons of one room."""
+    """Labelled images of hands in one room."""
 
     name: str = value("of the room")
     split: str = value("train or val")

@@ -1,9 +1,8 @@
-"""How a noun of afford describes itself: shape, dtype, unit and frame on every field, checked when it is built.
+"""Base of all schemas: frozen dataclasses whose array fields declare shape, dtype, unit and frame, checked on construction.
 
-A noun is a frozen dataclass that derives from `Schema`. Its array fields are declared with `array`, everything else with
-`value`. Shapes are written as words: a number is exact, a name must mean the same size everywhere in one object
-(``"t h w 3"``), ``*`` is any size. `encoding` tells the codecs how the field is laid out on disk; it never changes what the
-field means, so it is not part of a schema's version.
+Array fields are declared with `array`, other fields with `value`. A shape is written as words: a number is exact, a name has
+the same size everywhere in one object (``"t h w 3"``), ``*`` is any size. `encoding` selects the storage format of the field;
+it does not change its meaning, so it is not part of a schema's version.
 """
 
 from __future__ import annotations
@@ -18,28 +17,30 @@ if TYPE_CHECKING:
 Encoding = Literal["raw", "video", "rle", "zstd"]
 MISSING = dataclasses.MISSING
 SHOWN, WORDS = 4, 60
-"""items of a tuple, characters of anything else, that a repr shows"""
+"""number of items of a tuple, and of characters of other values, in a repr"""
 
 
 class SchemaError(ValueError):
-    """A value does not fit its schema; the message names the field, what was expected and what was found."""
+    """Error for a value that does not fit its schema; the message names the field, the expected and the actual value."""
 
 
 def array(shape: str, dtype: str, doc: str, *, unit: str = "", frame: str = "", encoding: Encoding = "raw") -> Any:
-    """A numpy field. `shape` is words ("n t h w"), `dtype` a numpy name; encodings: `raw` safetensors, `video` lossless
-    H.264 of (t, h, w, 3) uint8, `rle` COCO run lengths of (..., h, w) bool, `zstd` compressed raw bytes.
+    """Declare a numpy field: `shape` in words ("n t h w"), `dtype` as a numpy name.
+
+    Encodings: `raw` safetensors, `video` lossless H.264 of (t, h, w, 3) uint8, `rle` COCO run lengths of (..., h, w) bool,
+    `zstd` compressed raw bytes.
     """
     meta = {"shape": shape, "dtype": dtype, "doc": doc, "unit": unit, "frame": frame, "encoding": encoding}
     return dataclasses.field(metadata=meta)
 
 
 def value(doc: str, *, unit: str = "", frame: str = "", default: Any = MISSING) -> Any:
-    """A plain field: str, int, float, bool, tuple, another schema, or None."""
+    """Declare a plain field: str, int, float, bool, tuple, another schema, or None."""
     return dataclasses.field(default=default, metadata={"doc": doc, "unit": unit, "frame": frame})
 
 
 class Schema:
-    """Base of every noun: checks its arrays against their declared shapes and dtypes when it is built, and prints them as those."""
+    """Base class of all schemas. Checks the declared shapes and dtypes of array fields on construction."""
 
     def __init_subclass__(cls) -> None:
         if "__repr__" not in cls.__dict__:
@@ -57,7 +58,7 @@ class Schema:
 
 
 def _short(found: Any) -> str:
-    """A value as one reads it: the shape of an array, the length of a long tuple, the name of a noun within a noun."""
+    """Return a readable form of a value: the shape of an array, the length of a long tuple, the name of a nested schema."""
     if hasattr(found, "dtype") and hasattr(found, "shape"):
         return f"{found.dtype} {tuple(found.shape)}"
     if isinstance(found, Schema):
@@ -85,11 +86,11 @@ def _check_array(owner: str, name: str, found: np.ndarray, meta: Any, sizes: dic
 
 
 class Context(Protocol):
-    """Handed to a stage whose `run` has a last parameter `ctx`."""
+    """Context of a running stage, passed to a `run` whose last parameter is `ctx`."""
 
     @property
     def scratch(self) -> Path:
-        """A private folder of this key: it survives a kill and is deleted when the output is safe."""
+        """Private folder of this key, which survives a kill and is deleted once the output is stored."""
 
     def progress(self, done: int, total: int) -> None:
-        """Say how far the work is."""
+        """Report progress: done and total units of work."""

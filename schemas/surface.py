@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class PartNote(Schema):
-    """What is said of one part for a task."""
+    """Description of one part for a task."""
 
     part: str = value("name of the part, e.g. blade")
     phrase: str = value("the part in words for an image-text model, e.g. 'the sharp blade of a knife'")
@@ -24,25 +24,25 @@ class PartNote(Schema):
 
 @dataclass(frozen=True)
 class PartDescription(Schema):
-    """What is said of an object and a task."""
+    """Description of an object's parts for one task."""
 
     name: str = value("id of the object")
     category: str = value("what the describer takes it for; 'unknown' for an object that it does not know")
     task: str = value("what is to be done, e.g. 'cut bread'; '' for any use")
     notes: tuple[PartNote, ...] = value("all parts that the describer knows of it; none where it knows nothing")
-    backend: str = value("which describer said so")
+    backend: str = value("describer backend")
 
 
 @dataclass(frozen=True)
 class PartDescriptions(Schema):
-    """What is said of one object, task by task."""
+    """Descriptions of an object's parts, one per task."""
 
     name: str = value("id of the object")
     descriptions: tuple[PartDescription, ...] = value("one for each task")
 
     @property
     def notes(self) -> tuple[PartNote, ...]:
-        """All notes in order."""
+        """Return all notes in order."""
         return tuple(note for one in self.descriptions for note in one.notes)
 
 
@@ -58,7 +58,7 @@ class PartCandidates(Schema):
 
 @dataclass(frozen=True)
 class PartScores(Schema):
-    """How well each candidate fits each note of a description."""
+    """Score of each part candidate for each note of a description."""
 
     name: str = value("id of the object")
     share: np.ndarray = array("m k", "float32", "which share of candidate m shows the part of note k of PartDescriptions.notes")
@@ -67,7 +67,7 @@ class PartScores(Schema):
 
 @dataclass(frozen=True)
 class PartLessons(Schema):
-    """What a scorer of parts learns from one object: candidates as it sees them, and what they show in truth."""
+    """Training data of the part scorer from one object: part candidates with their features and true parts."""
 
     name: str = value("id of the object")
     category: str = value("what it is")
@@ -92,11 +92,11 @@ class DistanceField(Schema):
 
 @dataclass(frozen=True)
 class NegativeAffordance(Schema):
-    """Where a hand must not go for one task."""
+    """Negative affordance of one task: surface regions that a hand must not touch."""
 
     task: str = value("what is to be done")
     probability: np.ndarray = array("f", "float32", "0..1 that a face is negative")
-    evidence: np.ndarray = array("f", "float32", "weight of the views that voted on a face; 0: not seen, judged by its neighbours")
+    evidence: np.ndarray = array("f", "float32", "weight of the views that voted on a face; 0: inferred from its neighbours")
     negative: np.ndarray = array("n", "bool", "label of each point of the object")
     N_t: np.ndarray = array("k 3", "float32", "negative points, farthest-point sampled; none when nothing is", unit="m",
                            frame="object")  # fmt: skip
@@ -105,7 +105,7 @@ class NegativeAffordance(Schema):
 
 @dataclass(frozen=True)
 class NegativeAffordances(Schema):
-    """Where a hand must not go on one object, task by task."""
+    """Negative affordances of one object, one per task."""
 
     name: str = value("id of the object")
     points: np.ndarray = array("n 3", "float32", "evenly spread over the visible surface", unit="m", frame="object")
@@ -114,22 +114,22 @@ class NegativeAffordances(Schema):
 
 @dataclass(frozen=True)
 class NegativeScore(Schema):
-    """How one method did on one object and task."""
+    """Score of one method on one object and task."""
 
     method: str = value("afford, or a baseline")
     task: str = value("what is to be done")
     iou: float = value("of the negative surface, weighted by visible area; NaN where in truth nothing is negative")
-    precision: float = value("share of what was said that is negative in truth; 0 where nothing was said; NaN as iou")
-    recall: float = value("share of what is negative in truth that was said; NaN as iou")
+    precision: float = value("share of the predicted surface that is truly negative; 0 without a prediction; NaN as iou")
+    recall: float = value("share of the truly negative surface that is predicted; NaN as iou")
     point_recall: float = value("the same, of the object's points, counted; NaN as iou")
-    said: float = value("share of the visible surface that was said to be negative")
+    said: float = value("share of the visible surface predicted as negative")
     whole_object_taken: float = value("share of six views where the mask taken holds at least 0.9 of what is seen of the object; "
                                       "NaN where no mask was taken, or the method takes none")  # fmt: skip
 
 
 @dataclass(frozen=True)
 class NegativeScores(Schema):
-    """How all methods did on one object."""
+    """Scores of all methods on one object."""
 
     name: str = value("id of the object")
     category: str = value("what it is")
@@ -143,12 +143,12 @@ class NegativeScores(Schema):
 
 @dataclass(frozen=True)
 class PositiveAffordance(Schema):
-    """Where hands belong for one task."""
+    """Positive affordance of one task: surface regions for the hands."""
 
     task: str = value("what is to be done")
     probability: np.ndarray = array("f", "float32", "0..1 that a hand belongs on a face")
     hand: np.ndarray = array("2 f", "float32", "the same for the (left, right) hand")
-    evidence: np.ndarray = array("f", "float32", "weight of the views that voted on a face; 0: not seen, judged by its neighbours")
+    evidence: np.ndarray = array("f", "float32", "weight of the views that voted on a face; 0: inferred from its neighbours")
     taxonomy: np.ndarray = array("4", "float32", "probabilities of left, right, both_same, both_different; mean over the views")
     A_t: np.ndarray = array("k 3", "float32", "positive points, farthest-point sampled; none where nothing is", unit="m",
                             frame="object")  # fmt: skip
@@ -156,7 +156,7 @@ class PositiveAffordance(Schema):
 
 @dataclass(frozen=True)
 class PositiveAffordances(Schema):
-    """Where hands belong on one object, task by task."""
+    """Positive affordances of one object, one per task."""
 
     name: str = value("id of the object")
     tasks: tuple[PositiveAffordance, ...] = value("in the order of the descriptions")

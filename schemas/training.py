@@ -1,4 +1,4 @@
-"""What is trained, and what a training leaves beside its weights: curves over steps."""
+"""Trainings: ablation recipes, curves over steps, and the trained model with its log."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Recipe(Schema):
-    """One row of an ablation: what it trains where it differs from the parameters of the stage."""
+    """One row of an ablation: the parameters that differ from those of the stage."""
 
     name: str = value("label, unique among its siblings: <row>-<seed>")
     row: str = value("row of the table, shared by its seeds")
     variant: str = value("small, clip or vlm")
     hypotheses: int = value("regions per hand, 1 is the paper's model")
-    text: bool = value("whether the model is told the task")
+    text: bool = value("whether the model is prompted with the task")
     decoders: int = value("2, or 1: one region for whichever hand, as LISA has it")
     target: str = value("affordance, or object: the complete object of each hand")
     seed: int = value("seed of weights, order and augmentation")
@@ -38,17 +38,17 @@ class Curve(Schema):
 
 @dataclass(frozen=True)
 class TrainingLog(Schema):
-    """Everything that a training measured."""
+    """Log of a training: its curves."""
 
     name: str = value("what was trained")
     curves: tuple[Curve, ...] = value("by name")
     best_step: int = value("step whose weights were kept")
-    steps: int = value("steps done, fewer than asked for after an early stop")
+    steps: int = value("steps done, fewer than requested after an early stop")
 
 
 @dataclass(frozen=True)
 class Trained(Schema):
-    """A model and how it came about; each field is an artifact of its own."""
+    """Trained model and its log; each field is an artifact of its own."""
 
     files: FileTree = value("model/, card.md, history.parquet, tensorboard/, previews/")
     log: TrainingLog = value("its curves")

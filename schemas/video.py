@@ -1,4 +1,4 @@
-"""Clips and what is decoded of them: key frames with sparse masks, narrations, the two hands, frames, inpainted frames."""
+"""Video clips: key frames with sparse masks, narrations, decoded frames, inpainted frames, and the two hands."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Annotation(Schema):
 
 @dataclass(frozen=True)
 class KeyFrame(Schema):
-    """The annotations of one frame."""
+    """Annotations of one frame."""
 
     frame: int = value("1-based frame number of the data set")
     width_px: int = value("width of the annotation grid", unit="px")
@@ -66,7 +66,7 @@ class Narration(Schema):
 
 @dataclass(frozen=True)
 class Clip(Schema):
-    """A stretch of one video with its key frames and narrations; long videos are cut at gaps between key frames."""
+    """Segment of one video with its key frames and narrations; long videos are cut at gaps between key frames."""
 
     clip_id: str = value("video id, with a suffix _sNN when the video is cut")
     video_id: str = value("EPIC video id, e.g. P03_101")
@@ -87,7 +87,7 @@ class Clip(Schema):
 
 @dataclass(frozen=True)
 class Footage(Schema):
-    """Which frames of which media a clip consists of, apart from everything that is said of them."""
+    """Media and frame numbers of a clip, without its annotations."""
 
     clip_id: str = value("clip")
     media: tuple[str, ...] = value("names of the video file, or of the frame images in frame order")
@@ -110,7 +110,7 @@ HAND_CLASS: dict[Hand, int] = {"left": 300, "right": 301}
 
 @dataclass(frozen=True)
 class Frames(Schema):
-    """Decoded frames. Not necessarily consecutive: a source without video has its key frames only."""
+    """Decoded frames, not necessarily consecutive: a source without video has its key frames only."""
 
     clip_id: str = value("clip")
     frame: np.ndarray = array("t", "int64", "frame numbers of the data set, ascending")
@@ -119,7 +119,7 @@ class Frames(Schema):
 
 
 class PixelSource(IntEnum):
-    """Where a pixel of an inpainted frame comes from."""
+    """Origin of a pixel in an inpainted frame."""
 
     ORIGINAL = 0
     BACKGROUND = 1
@@ -129,7 +129,7 @@ class PixelSource(IntEnum):
 
 @dataclass(frozen=True)
 class Inpainted(Schema):
-    """Frames with the hands removed. Outside `mask` the pixels are those of `Frames`, to the bit."""
+    """Frames with the hands removed. Outside `mask` the pixels equal those of `Frames`."""
 
     clip_id: str = value("clip")
     frame: np.ndarray = array("t", "int64", "frame numbers of the data set, ascending")

@@ -1,4 +1,4 @@
-"""Values to files and back: what the runner must know about the nouns of afford, and cannot (`runner.codec.Codec`)."""
+"""Codec between schema values and files: the domain knowledge that the runner needs (`runner.codec.Codec`)."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ __all__ = ["CODEC", "SchemaCodec", "digest", "load", "load_folder", "save"]
 
 
 class SchemaCodec:
-    """The codec of everything in `schemas/`; see `runner.codec.Codec` for the contract of each method."""
+    """Codec of all schemas in `schemas/`; see `runner.codec.Codec` for the contract of each method."""
 
     def children(self, value: object) -> list[tuple[str, object]] | None:
-        """Elements of a tuple by shard name, fields of a bundle by field name, None for a plain schema."""
+        """Return the elements of a tuple by shard name, the fields of a bundle by name, or None for a plain schema."""
         if isinstance(value, tuple):
             return [(shard_name(item), item) for item in value]
         if type(value).__name__ in BUNDLES:
@@ -25,15 +25,15 @@ class SchemaCodec:
         return None
 
     def combine(self, kind: str, children: list[tuple[str, object]]) -> object:
-        """The tuple or bundle again."""
+        """Rebuild a tuple or bundle from its children."""
         return tuple(item for _, item in children) if kind == "tuple" else kinds()[kind](**dict(children))
 
     def kind(self, value: object) -> str:
-        """'tuple' or the name of the schema."""
+        """Return 'tuple' or the name of the schema."""
         return kind_of(value)
 
     def digest(self, value: object) -> str:
-        """Content digest of a plain value."""
+        """Return the content digest of a plain value."""
         return digest(value)
 
     def save(self, value: object, folder: Path) -> None:
@@ -45,11 +45,11 @@ class SchemaCodec:
         return load(kind, files)
 
     def schema_version(self, kind: str) -> str:
-        """Digest of the fields of a schema."""
+        """Return the digest of the fields of a schema."""
         return schema_version(kind)
 
     def selects(self, names: frozenset[str]) -> dict[str, frozenset[str]]:
-        """Encodings of the fields of these schemas that are entries of a registry (`runner.codec`)."""
+        """Return the field encodings of these schemas that are entries of a registry (`runner.codec`)."""
         found = frozenset(encodings(names) & {*ENCODERS, *DECODERS})
         return {"encoder": found, "decoder": found}
 

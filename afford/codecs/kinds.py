@@ -1,4 +1,8 @@
-"""Every schema by name, and what its fields are: the one place that knows which nouns exist."""
+"""Registry of schemas by name, their versions, and the content digest of a value.
+
+The content digest does not depend on the file format. Every part of a value is hashed with a tag and a length, so that
+different values never produce the same bytes. A file is hashed as its name and its digest, without its path.
+"""
 
 from __future__ import annotations
 
@@ -19,12 +23,12 @@ from schemas.spec import Schema
 
 
 class LazyTuple(Sequence[Any]):
-    """Stands where a schema says tuple. Every walk reads the files again and gives new, equal elements."""
+    """Lazy tuple field of a stored value. Every iteration reads the files again and yields new, equal elements."""
 
     def __init__(self, length: int, read: Callable[[], Iterator[Any]], files: tuple[Path, ...]) -> None:
         self._length, self._read = length, read
         self.files = files
-        """what a walk opens"""
+        """files that an iteration opens"""
 
     def __len__(self) -> int:
         return self._length
@@ -46,7 +50,7 @@ class LazyTuple(Sequence[Any]):
 
 
 def digest(value: object) -> str:
-    """Hex digest of a schema, tuple, array, str, int, float, bool or None; TypeError for anything else."""
+    """Return the hex digest of a schema, tuple, array, str, int, float, bool or None. Raises TypeError for other types."""
     hasher = blake3()
     _hash_value(hasher, value)
     return hasher.hexdigest()
@@ -91,23 +95,23 @@ BUNDLES = ("PartedMesh", "ReadMesh", "RenderedClip", "RenderedInteraction", "Tra
 """schemas whose fields are artifacts of their own, so that a stage may depend on one of them alone"""
 
 LAZY_FIELDS = {"Samples": "samples"}
-"""schema -> its field that is a long list of large elements, which loading leaves on disk (`codecs/shelf.py`)"""
+"""schema -> field with a long list of large elements, which loading leaves on disk (`LazyTuple`)"""
 
 
 @functools.cache
 def kinds() -> dict[str, type[Schema]]:
-    """Schema name -> class."""
+    """Return the schema classes by name."""
     return {schema.__name__: schema for schema in SCHEMAS}
 
 
 def encodings(names: Iterable[str]) -> set[str]:
-    """How fields of these schemas are laid out on disk; other names are passed over."""
+    """Return the encodings of the fields of these schemas; unknown names are ignored."""
     found = [kinds()[name] for name in names if name in kinds()]
     return {field.metadata.get("encoding", "raw") for kind in found for field in dataclasses.fields(kind)}  # type: ignore[arg-type]
 
 
 def kind_of(value: object) -> str:
-    """'tuple', or the name of the schema; TypeError for anything else."""
+    """Return 'tuple' or the name of the schema. Raises TypeError for other types."""
     if isinstance(value, tuple):
         return "tuple"
     if type(value).__name__ not in kinds():
@@ -116,7 +120,7 @@ def kind_of(value: object) -> str:
 
 
 def shard_name(value: object) -> str:
-    """Label of one element of a list: its clip, its name, its video; a bundle has the label of its first field."""
+    """Return the label of a list element: its clip, name or video; a bundle has the label of its first field."""
     for attribute in ("clip_id", "name", "video_id"):
         if isinstance(label := getattr(value, attribute, None), str):
             return label
@@ -127,7 +131,7 @@ def shard_name(value: object) -> str:
 
 @functools.cache
 def schema_version(kind: str) -> str:
-    """Digest of the names, types, shapes and dtypes of a schema and of those it contains; '' for 'tuple'."""
+    """Return the digest of names, types, shapes and dtypes of a schema and of the schemas it contains; '' for 'tuple'."""
     if kind == "tuple":
         return ""
     seen: dict[str, list[list[str]]] = {}

@@ -1,6 +1,6 @@
-"""Arrays on disk, pooled so that a clip with a thousand polygons is still three files.
+"""Array storage, pooled so that a clip with a thousand polygons is still three files.
 
-A value's tree holds a small reference for each array: ``{"raw": [dtype, offset, shape]}`` into one flat array per dtype
+The tree of a value contains a reference for each array: ``{"raw": [dtype, offset, shape]}`` into one flat array per dtype
 (arrays.safetensors), ``{"rle": [offset, shape]}`` into a list of COCO run lengths (masks.json.zst), ``{"zstd": [file, dtype,
 shape]}`` or ``{"video": [file, shape]}`` for a file of its own.
 """
@@ -22,13 +22,13 @@ from afford.common.registry import load
 
 ENCODERS = {"video": "afford.codecs.video:write_video"}
 DECODERS = {"video": "afford.codecs.video:read_video"}
-"""encoding of a field -> how an array becomes a file of its own; stages without such a field do not depend on that code"""
+"""encoding of a field -> function that stores an array in a file; stages without such a field do not depend on that code"""
 ARRAYS, MASKS = "arrays.safetensors", "masks.json.zst"
 LEVEL = 3
 
 
 class Writer:
-    """Collects the arrays of one value and writes them into a folder."""
+    """Writer of the arrays of one value."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -37,7 +37,7 @@ class Writer:
         self._counts: list[str] = []
 
     def put(self, name: str, value: np.ndarray, encoding: str) -> dict[str, list[Any]]:
-        """Store one array under a file name that is unique in the value; returns its reference."""
+        """Store one array under a file name that is unique in the value; return its reference."""
         shape = list(value.shape)
         if not value.size or encoding == "raw":
             return {"raw": [value.dtype.name, self._flat(value), shape]}
@@ -74,7 +74,7 @@ class Writer:
 
 
 class Reader:
-    """Finds the arrays of one value again, each pool read when it is first needed; what it returns is read-only."""
+    """Reader of the arrays of one value. Pools are read on first use, and returned arrays are read-only."""
 
     def __init__(self, files: Mapping[str, Path]) -> None:
         self._files = files
@@ -89,7 +89,7 @@ class Reader:
         return counts
 
     def get(self, reference: Mapping[str, Any]) -> np.ndarray:
-        """The array of a reference."""
+        """Return the array of a reference."""
         ((encoding, where),) = reference.items()
         ways: dict[str, Callable[..., np.ndarray]] = {
             "raw": self._flat, "rle": self._masks, "zstd": self._zstd, "video": self._video,

@@ -1,7 +1,6 @@
-"""A schema value as files: value.json for its tree, pooled arrays beside it; a FileTree as its files.
+"""Storage of a schema value: value.json for its tree with pooled arrays beside it, or symbolic links for a FileTree.
 
-Loading checks what building a schema checks; a list of `LAZY_FIELDS` is read, and checked, when it is walked.
-Nothing is ever unpickled.
+Loading runs the checks of the schema; a list of `LAZY_FIELDS` is read and checked when it is iterated. No pickle is used.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ VALUE, FILES = "value.json", "files"
 
 
 def save(value: object, folder: Path) -> None:
-    """Write a schema value into an empty folder. The files of a FileTree become symbolic links to where they are."""
+    """Write a schema value into an empty folder. The files of a FileTree become symbolic links to their paths."""
     if isinstance(value, FileTree):
         _link(value, folder)
     writer = Writer(folder)
@@ -35,7 +34,7 @@ def save(value: object, folder: Path) -> None:
 
 
 def load(kind: str, files: Mapping[str, Path]) -> Any:
-    """The value again, from file name -> path; ValueError when the files are of another kind."""
+    """Read a value from its files by name. Raises ValueError when the files are of another kind."""
     tree = json.loads(files[VALUE].read_text(encoding="ascii"))
     if not isinstance(tree, dict) or tree.get("of") != kind:
         raise ValueError(f"{VALUE}: expected a {kind}, got {tree.get('of') if isinstance(tree, dict) else type(tree).__name__}")
@@ -47,14 +46,14 @@ def load(kind: str, files: Mapping[str, Path]) -> Any:
 
 
 def _walk(field: str, files: Mapping[str, Path]) -> Iterator[Any]:
-    """The elements of a list that was left on disk."""
+    """Yield the elements of a list that was left on disk."""
     reader = Reader(files)
     for item in json.loads(files[VALUE].read_text(encoding="ascii"))["fields"][field]:
         yield _value(item, reader, files)
 
 
 def load_folder(folder: Path) -> Any:
-    """The value that `save` wrote into a folder, whatever its kind."""
+    """Read the value that `save` wrote into a folder, of any kind."""
     files = {path.relative_to(folder).as_posix(): path for path in folder.rglob("*") if path.is_file()}
     return load(json.loads(files[VALUE].read_text(encoding="ascii"))["of"], files)
 
@@ -67,7 +66,7 @@ def _link(tree: FileTree, folder: Path) -> None:
 
 
 def _tree(value: object, writer: Writer, path: str, meta: Mapping[str, Any]) -> Any:
-    """JSON of a value; arrays go to the writer. `path` names the field, e.g. 'rgb' or 'samples.3.image_jpeg'."""
+    """Convert a value to JSON and pass its arrays to the writer; `path` is the field, e.g. 'rgb' or 'samples.3.image_jpeg'."""
     if isinstance(value, np.ndarray):
         return writer.put(path, value, meta.get("encoding", "raw"))
     if dataclasses.is_dataclass(value) and not isinstance(value, type):

@@ -1,1 +1,1 @@
-"""Images, optical flow, geometry, text, files, errors, bounded reading, statistics: what every system uses."""
+"""Shared helpers: images, masks, video, text, files, bounded reading, geometry, statistics, worker set-up."""

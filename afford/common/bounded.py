@@ -1,7 +1,7 @@
-"""Bounded reading: sizes that a file states are checked against a limit before anything is decoded, decompressed or allocated.
+"""Bounded reading: check the sizes that a file states before anything is decoded, decompressed or allocated.
 
-A small file can state, or unpack to, gigabytes. Every function here reads the header first and raises TooLargeError beyond the
-limit. Memory is allocated for what the file holds and no more.
+A small file can state, or unpack to, gigabytes. Every function of this module reads the header first and raises TooLargeError
+beyond a limit. Memory is allocated only for what the file contains.
 """
 
 from __future__ import annotations
@@ -23,50 +23,53 @@ import numpy as np
 from afford.common.errors import SourceError
 
 MAX_PIXELS = 64_000_000
-"""pixels of one picture: more than any camera of today records; 16 bits a pixel decode to 128 MB, 8-bit RGB to 192 MB"""
+"""pixels of one image: more than any camera records today; 16 bits a pixel decode to 128 MB, 8-bit RGB to 192 MB"""
 MAX_ARRAY_BYTES = 8 * MAX_PIXELS
-"""bytes of one .npy, or of all arrays of an .npz together: one float64 for each pixel of the largest picture"""
+"""bytes of one .npy, or of all arrays of an .npz together: one float64 for each pixel of the largest image"""
 CHUNK = 1 << 20
 """bytes decompressed at a time"""
 SMALL_CHUNK = 1 << 12
-"""the same for methods whose decompression has no bound of its own (bzip2, LZMA): compressed bytes at a time"""
+"""compressed bytes at a time for methods without a bounded decompression (bzip2, LZMA)"""
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 PNG_FRAME_BYTES = 12
-"""of a chunk, beside its content: length, name, checksum"""
+"""bytes of a chunk besides its content: length, name, checksum"""
 PLAIN_KINDS = "biufUS"
-"""kinds of dtype that hold numbers and text"""
+"""dtype kinds of numbers and text"""
 ZIP_ERRORS = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, OSError, EOFError, ValueError, RuntimeError, NotImplementedError,
               LookupError, OverflowError, struct.error)  # fmt: skip
-"""what zipfile raises for an archive that is damaged, cut short, encrypted or compressed in another way"""
+"""exceptions of zipfile for an archive that is damaged, truncated, encrypted or compressed in another way"""
 HEADER_ERRORS = (ValueError, TypeError, SyntaxError, tokenize.TokenError, OverflowError, RecursionError, MemoryError, EOFError,
                  LookupError, struct.error)  # fmt: skip
-"""what NumPy raises for the header of an .npy that is damaged: the header is a Python literal"""
+"""exceptions of NumPy for a damaged .npy header, which is a Python literal"""
 IMAGE_ERRORS = (OSError, ValueError, SyntaxError, TypeError, LookupError, EOFError, OverflowError, AttributeError, RuntimeError,
                 struct.error, zlib.error)  # fmt: skip
-"""what Pillow raises for the header of a picture that is damaged"""
+"""exceptions of Pillow for a damaged image header"""
 Refuse = Callable[[str], SourceError]
-"""what was got -> the error that says so"""
+"""function from a description of the input to the error to raise"""
 
 
 class TooLargeError(SourceError):
-    """A file states, or unpacks to, more than a limit allows."""
+    """Error for a file that states, or unpacks to, more than a limit allows."""
 
 
 class Header(NamedTuple):
-    """What the header of an .npy states."""
+    """Shape and dtype in the header of an .npy."""
 
     shape: tuple[int, ...]
     dtype: np.dtype[Any]
 
     @property
     def bytes(self) -> int:
-        """Bytes of the array."""
+        """Size of the array in bytes."""
         return math.prod(self.shape) * self.dtype.itemsize
 
 
 def image_size(data: bytes, name: str) -> tuple[int, int]:
-    """Width and height in pixels that the header of a PNG, JPEG, BMP, WebP or TIFF picture states; SourceError when it is none."""
-    from PIL import Image  # not needed by readers of arrays
+    """Read width and height in pixels from the header of an image.
+
+    Supports PNG, JPEG, BMP, WebP and TIFF. Raises SourceError for any other file.
+    """
+    from PIL import Image  # readers of arrays do not need Pillow
 
     try:
         with warnings.catch_warnings():
@@ -80,7 +83,10 @@ def image_size(data: bytes, name: str) -> tuple[int, int]:
 
 
 def check_image(data: bytes, name: str, most: int = MAX_PIXELS) -> tuple[int, int]:
-    """Width and height of a picture of at most `most` pixels; TooLargeError for a larger one, SourceError when it is none."""
+    """Return width and height of an image of at most `most` pixels.
+
+    Raises TooLargeError for a larger image and SourceError for a file of another kind.
+    """
     width, height = image_size(data, name)
     if width * height > most:
         raise TooLargeError(name, f"an image of at most {most / 1e6:g} megapixels", f"{width} x {height}", "make it smaller")
@@ -89,8 +95,9 @@ def check_image(data: bytes, name: str, most: int = MAX_PIXELS) -> tuple[int, in
 
 
 def check_chunks(data: bytes, name: str) -> None:
-    """SourceError when `data` are a PNG that ends before one of its chunks does; data of other formats pass. (OpenCV allocates what
-    a chunk states before it looks whether the file has as much.)
+    """Raise SourceError for a PNG that ends inside a chunk; data of other formats pass.
+
+    OpenCV allocates the size that a chunk states before it checks whether the file is that long.
     """
     if not data.startswith(PNG_SIGNATURE):
         return
@@ -105,13 +112,16 @@ def check_chunks(data: bytes, name: str) -> None:
 
 
 def not_an_image(name: str, length: int) -> SourceError:
-    """The error for a file of `length` bytes that is no picture."""
+    """Build the error for a file of `length` bytes that cannot be decoded as an image."""
     got = f"{length} bytes that cannot be decoded" if length else "an empty file"
     return SourceError(name, "an image (JPEG, PNG, WebP, BMP or TIFF)", got, "give another file")
 
 
 def load_npy(path: Path, name: str, most: int = MAX_ARRAY_BYTES) -> np.ndarray:
-    """Array of numbers or text in an .npy of at most `most` bytes. TooLargeError beyond the limit, SourceError for another file."""
+    """Load an array of numbers or text of at most `most` bytes from an .npy.
+
+    Raises TooLargeError beyond the limit and SourceError for any other file.
+    """
 
     def refuse(got: str) -> SourceError:
         return SourceError(name, "an .npy of plain numbers", got, "save it with allow_pickle=False, without objects")
@@ -125,8 +135,9 @@ def load_npy(path: Path, name: str, most: int = MAX_ARRAY_BYTES) -> np.ndarray:
 
 def load_npz(path: Path, name: str, wanted: Callable[[str], bool] = lambda _: True,
              most: int = MAX_ARRAY_BYTES) -> dict[str, np.ndarray]:  # fmt: skip
-    """Arrays of numbers or text in an .npz by name, those that are `wanted`, in the order of the file. TooLargeError when they
-    unpack to more than `most` bytes, SourceError for another file.
+    """Load the `wanted` arrays of numbers or text from an .npz, by name, in the order of the file.
+
+    Raises TooLargeError when the arrays unpack to more than `most` bytes, and SourceError for any other file.
     """
 
     def refuse(got: str) -> SourceError:
@@ -145,8 +156,10 @@ def load_npz(path: Path, name: str, wanted: Callable[[str], bool] = lambda _: Tr
 
 
 def read_member(archive: zipfile.ZipFile, info: zipfile.ZipInfo, name: str, most: int) -> bytes:
-    """Bytes of one file in a zip. TooLargeError when it states more than `most` bytes, before anything is decompressed;
-    SourceError when it is damaged, or unpacks to another number of bytes than it states.
+    """Read one file of a zip archive.
+
+    Raises TooLargeError, before anything is decompressed, for a file that states more than `most` bytes. Raises SourceError for a
+    damaged file or one whose length differs from the stated length.
     """
     _check_bytes(info.file_size, name, "a file in a zip", most)
     chunk = CHUNK if info.compress_type in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) else SMALL_CHUNK
@@ -164,7 +177,10 @@ def read_member(archive: zipfile.ZipFile, info: zipfile.ZipInfo, name: str, most
 
 
 def npy_header(stream: BinaryIO, refuse: Refuse) -> Header:
-    """Shape and dtype that the header of an .npy states; what `refuse` gives when it is none, or not one of numbers or text."""
+    """Read shape and dtype from the header of an .npy.
+
+    Raises the error of `refuse` for a damaged header and for dtypes other than numbers and text.
+    """
     try:
         version = np.lib.format.read_magic(stream)
         read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
@@ -177,9 +193,9 @@ def npy_header(stream: BinaryIO, refuse: Refuse) -> Header:
 
 
 def reason(error: BaseException) -> str:
-    """The first line of what an error says, or its type where it says nothing."""
-    said = str(getattr(error, "strerror", None) or error).strip()
-    return said.splitlines()[0] if said else type(error).__name__
+    """Return the first line of an error's message, or the error's type without a message."""
+    text = str(getattr(error, "strerror", None) or error).strip()
+    return text.splitlines()[0] if text else type(error).__name__
 
 
 def _member_array(archive: zipfile.ZipFile, info: zipfile.ZipInfo, name: str, most: int, refuse: Refuse) -> np.ndarray:
@@ -188,7 +204,7 @@ def _member_array(archive: zipfile.ZipFile, info: zipfile.ZipInfo, name: str, mo
 
 
 def _array(stream: BinaryIO, size: int, name: str, most: int, refuse: Refuse) -> np.ndarray:
-    """The array of a stream of `size` bytes."""
+    """Read the array of a stream of `size` bytes."""
     header = npy_header(stream, refuse)
     _check_bytes(header.bytes, name, "an array", most)
     if header.bytes > size - stream.tell():
@@ -207,13 +223,16 @@ def _check_bytes(stated: int, name: str, what: str, most: int) -> None:
 
 
 MOST_OUTLINE_PX = 2**21
-"""length of one outline: a hand at 4K has some thousand pixels"""
+"""length of one outline: a hand at 4K has a few thousand pixels"""
 MOST_DRAWN_PX = 2**36
-"""boxes around all masks of one file: 8,000 pictures of 8 megapixels, each full of masks"""
+"""total area of the boxes around all masks of one file: 8,000 images of 8 megapixels, each covered by masks"""
 
 
 def outline_px(corners: np.ndarray, where: str) -> int:
-    """Length of the closed outline of (n, 2) corners, px; SourceError for one that no mask has."""
+    """Return the length of the closed outline of (n, 2) corners in pixels.
+
+    Raises SourceError for an outline that is too long for a mask.
+    """
     length = int(np.abs(np.diff(corners, axis=0, append=corners[:1])).max(axis=1).sum()) if len(corners) else 0
     if length > MOST_OUTLINE_PX:
         raise SourceError(where, f"an outline of at most {MOST_OUTLINE_PX} px", f"one of {length}", "draw it again")
@@ -221,7 +240,7 @@ def outline_px(corners: np.ndarray, where: str) -> int:
 
 
 def box_px(corners: np.ndarray, width_px: int, height_px: int) -> int:
-    """Area of the box around (n, 2) corners inside a picture."""
+    """Return the area of the bounding box of (n, 2) corners inside an image, in pixels."""
     if not len(corners):
         return 0
     size = np.clip(corners.max(axis=0), 0, (width_px, height_px)) - np.clip(corners.min(axis=0), 0, (width_px, height_px)) + 1
@@ -229,7 +248,7 @@ def box_px(corners: np.ndarray, width_px: int, height_px: int) -> int:
 
 
 def check_drawn(areas: Iterable[int], name: str) -> None:
-    """SourceError when the masks of the file called `name` cover more than `MOST_DRAWN_PX` together."""
+    """Raise SourceError when the masks of the file `name` cover more than `MOST_DRAWN_PX` pixels together."""
     total = sum(areas)
     if total > MOST_DRAWN_PX:
         raise SourceError(name, f"masks of at most {MOST_DRAWN_PX / 1e9:.0f} gigapixels together", f"{total / 1e9:.0f}",

@@ -1,6 +1,7 @@
-"""A small rigid world on PyBullet: convex bodies on a table, stepped without a window. The only importer of pybullet.
+"""PyBullet without a window: a client, and a small rigid world of convex bodies on a table.
 
-World: z up, table top at z = 0, metres, seconds, kilograms. Quaternions xyzw stay inside this file; poses are T_world_body.
+No other module imports pybullet. World frame: z up, table top at z = 0; metres, seconds, kilograms. Quaternions (x y z w) stay
+inside this file; poses are (4, 4) T_world_body.
 """
 
 from __future__ import annotations
@@ -17,11 +18,11 @@ from scipy.spatial.transform import Rotation
 STEP_S = 1 / 240
 GRAVITY = 9.81
 MAX_CORNERS = 96
-"""Corners of a convex hull handed to the engine."""
+"""largest number of vertices of a convex hull in the engine"""
 
 
 class Client:
-    """A connection of its own: `client.stepSimulation()` is pybullet's function of that name, told which world is meant."""
+    """Connection to a physics server of its own; `client.stepSimulation()` calls pybullet's function of that name."""
 
     def __init__(self) -> None:
         self.number = int(pybullet.connect(pybullet.DIRECT))
@@ -29,18 +30,18 @@ class Client:
     def __getattr__(self, name: str) -> Any:
         found = getattr(pybullet, name)
         bound = partial(found, physicsClientId=self.number) if callable(found) else found
-        self.__dict__[name] = bound  # found at once from now on: a control step asks some sixty times
+        self.__dict__[name] = bound  # cached: a control step calls about sixty functions
         return bound
 
     def close(self) -> None:
-        """Disconnect; twice is harmless."""
+        """Disconnect; a second call does nothing."""
         if self.number >= 0:
             pybullet.disconnect(self.number)
             self.number = -1
 
 
 class World:
-    """Bodies that fall on a table. Use it as a context, or call `close`."""
+    """Rigid bodies that fall on a table. Use it as a context manager, or call `close`."""
 
     def __init__(self) -> None:
         self._client = pybullet.connect(pybullet.DIRECT)
@@ -58,7 +59,7 @@ class World:
         self.close()
 
     def add(self, vertices: np.ndarray, T_world_body: np.ndarray, mass_kg: float = 0.2) -> int:
-        """A body with the convex hull of `vertices` (n, 3) as its shape; gives its handle."""
+        """Add a body with the convex hull of `vertices` (n, 3) as its shape; return its handle."""
         hull = trimesh.convex.convex_hull(np.asarray(vertices, float))
         corners = hull.vertices[np.linspace(0, len(hull.vertices) - 1, min(len(hull.vertices), MAX_CORNERS)).astype(int)]
         shape = self._call(pybullet.createCollisionShape, pybullet.GEOM_MESH, vertices=corners.tolist())
@@ -88,16 +89,16 @@ class World:
         return int(body)
 
     def pull(self, sideways: tuple[float, float]) -> None:
-        """Tilt gravity by m/s2 along x and y, as when the table is pushed."""
+        """Tilt gravity by `sideways` m/s2 along x and y, as a push of the table does."""
         self._call(pybullet.setGravity, sideways[0], sideways[1], -GRAVITY)
 
     def step(self, count: int = 1) -> None:
-        """Let `count` x STEP_S seconds pass."""
+        """Simulate `count` steps of STEP_S seconds."""
         for _ in range(count):
             self._call(pybullet.stepSimulation)
 
     def pose(self, body: int) -> np.ndarray:
-        """(4, 4) T_world_body, in the frame of the vertices given to `add`."""
+        """Return (4, 4) T_world_body in the frame of the vertices passed to `add`."""
         place, turn = self._call(pybullet.getBasePositionAndOrientation, body)
         T = np.eye(4)
         T[:3, :3] = Rotation.from_quat(turn).as_matrix()
@@ -105,12 +106,12 @@ class World:
         return T
 
     def speed(self, body: int) -> float:
-        """Speed of a body: metres a second plus a tenth of its turning in radians a second."""
+        """Return the speed of a body: metres per second plus a tenth of its angular speed in radians per second."""
         straight, turning = self._call(pybullet.getBaseVelocity, body)
         return float(np.linalg.norm(straight) + 0.1 * np.linalg.norm(turning))
 
     def close(self) -> None:
-        """Give the engine back; closing twice is harmless."""
+        """Disconnect from the engine; a second call does nothing."""
         if self._client >= 0:
             self._call(pybullet.disconnect)
             self._client = -1

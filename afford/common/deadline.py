@@ -1,4 +1,4 @@
-"""Reading from a socket until a deadline, however slowly its bytes come: a socket's own time-out starts anew with every byte."""
+"""Read from a socket until a deadline; a socket's own time-out restarts with every byte."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 
 def seconds_left(ends: float) -> float:
-    """Seconds until `ends`, a value of `time.monotonic`. TimeoutError when there are none."""
+    """Return the seconds until `ends`, a value of `time.monotonic`; TimeoutError when the deadline has passed."""
     left = ends - time.monotonic()
     if left <= 0:
         raise TimeoutError("timed out")
@@ -17,18 +17,18 @@ def seconds_left(ends: float) -> float:
 
 
 class DeadlineStream(io.RawIOBase):
-    """Raw stream of a socket: a read that has not ended at `ends`, a value of `time.monotonic`, raises TimeoutError."""
+    """Raw stream of a socket that raises TimeoutError when a read is not complete at `ends` (`time.monotonic`)."""
 
     def __init__(self, sock: socket.socket, raw: io.RawIOBase, ends: float) -> None:
-        """`raw`: stream of `sock` without a buffer, which is closed with this one."""
+        """Wrap `raw`, the unbuffered stream of `sock`; closing this stream closes `raw`."""
         self._sock, self._raw, self.ends = sock, raw, ends
 
     def readable(self) -> bool:
-        """True."""
+        """Return True."""
         return True
 
     def readinto(self, buffer: Any) -> int | None:
-        """Number of bytes received into the buffer, 0 at the end of the stream."""
+        """Receive bytes into the buffer; return their number, 0 at the end of the stream."""
         self._sock.settimeout(seconds_left(self.ends))
         return self._raw.readinto(buffer)
 

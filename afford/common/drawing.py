@@ -1,4 +1,8 @@
-"""Letters in pictures: the same on every machine, with Greek, Cyrillic and accents."""
+"""Drawing on images: text labels, tiles of contact sheets, overlays of the regions of both hands.
+
+Text is drawn with the DejaVu fonts of matplotlib, so that it looks the same on every machine and may contain Greek, Cyrillic and
+accents.
+"""
 
 from __future__ import annotations
 
@@ -17,19 +21,20 @@ from schemas.benchmark import Prediction
 from schemas.video import SIDES
 
 EDGE_PX = 2
-"""dark edge around the letters of a label"""
+"""width of the dark edge around the letters of a label"""
 
 
 @cache
 def font(size_px: int, bold: bool = False) -> ImageFont.FreeTypeFont:
-    """DejaVu Sans, which matplotlib ships on every platform."""
+    """Load DejaVu Sans, which matplotlib ships on every platform."""
     name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
     return ImageFont.truetype(Path(matplotlib.get_data_path()) / "fonts" / "ttf" / name, size_px)
 
 
 def draw_label(rgb: np.ndarray, text: str, at: tuple[int, int], size_px: int) -> None:
-    """Write white letters with a dark edge into a picture (h, w, 3) uint8, in place; `at` is the upper left corner, px (x, y).
-    Letters and edge come from one outline, so that they fit each other, and may be of any alphabet.
+    """Write white text with a dark edge into an image (h, w, 3) uint8, in place.
+
+    `at` is the upper left corner (x, y) in pixels. Text and edge are drawn from one outline.
     """
     picture = Image.fromarray(rgb)
     ImageDraw.Draw(picture).text(at, text, (255, 255, 255), font(size_px), stroke_width=EDGE_PX, stroke_fill=(0, 0, 0))
@@ -41,7 +46,7 @@ TILE_BACKGROUND, TILE_INK = (24, 26, 30), (236, 238, 240)
 
 
 def title_row(words: Sequence[str], width: int, step: int = TILE_W) -> np.ndarray:
-    """A line of titles, one over each tile."""
+    """Draw a row of titles, one over each tile."""
     page = Image.new("RGB", (width, TITLE_H), TILE_BACKGROUND)
     draw = ImageDraw.Draw(page)
     for n, title in enumerate(words):
@@ -50,12 +55,12 @@ def title_row(words: Sequence[str], width: int, step: int = TILE_W) -> np.ndarra
 
 
 def pad_tile(tile: np.ndarray) -> np.ndarray:
-    """A tile with a gap to the right and below."""
+    """Add a gap to the right of a tile and below it."""
     return cv2.copyMakeBorder(tile, 0, GAP, 0, GAP, cv2.BORDER_CONSTANT, value=TILE_BACKGROUND)
 
 
 def write_page(out: Path, strips: Sequence[np.ndarray]) -> None:
-    """Strips below each other as a PNG; narrower ones are filled up."""
+    """Write strips below each other as a PNG; narrower strips are padded."""
     width = max(strip.shape[1] for strip in strips)
     wide = [cv2.copyMakeBorder(strip, 0, 0, 0, width - strip.shape[1], cv2.BORDER_CONSTANT, value=TILE_BACKGROUND)
             for strip in strips]
@@ -67,11 +72,14 @@ TRACK = (226, 228, 226)
 WORDS = {"left": "left hand", "right": "right hand", "both_same": "both, one thing", "both_different": "both, two things"}
 OPACITY = 0.45
 MIN_WIDTH_PX = 640
-"""smaller pictures are enlarged, so that the legend can be read"""
+"""smaller images are enlarged, so that the legend can be read"""
 
 
 def overlay(rgb: np.ndarray, prediction: Prediction) -> np.ndarray:
-    """(h', w', 3) uint8 RGB: the picture at its own size or enlarged to MIN_WIDTH_PX, and a band with the legend."""
+    """Draw the regions of both hands into an image, with a legend of the prediction below.
+
+    Returns (h', w', 3) uint8 RGB: the image at its own size, or enlarged to MIN_WIDTH_PX, and the legend.
+    """
     scale = max(1.0, MIN_WIDTH_PX / rgb.shape[1])
     size = round(rgb.shape[1] * scale), max(1, round(rgb.shape[0] * scale))
     drawn = cv2.resize(rgb, size, interpolation=cv2.INTER_CUBIC) if scale > 1 else rgb.copy()
@@ -91,7 +99,7 @@ def paint(image: np.ndarray, region: np.ndarray, colour: Colour) -> None:
 
 
 def legend(prediction: Prediction, width: int) -> np.ndarray:
-    """(h, width, 3) uint8: the task, a line per hand, a bar per class of the taxonomy."""
+    """Draw the legend (h, width, 3) uint8: the task, a line for each hand, a bar for each class of the taxonomy."""
     unit = max(15, width // 42)
     title = _lines(prediction.task, font(round(1.15 * unit), bold=True), width - 2 * unit)
     below = round((1.0 + 1.6 * len(title)) * unit)
@@ -108,18 +116,18 @@ def legend(prediction: Prediction, width: int) -> np.ndarray:
 
 
 def _hand(draw: ImageDraw.ImageDraw, prediction: Prediction, n: int, side: str, at: tuple[int, int], unit: int) -> None:
-    """Swatch, name, score and area of one hand."""
+    """Draw swatch, name, score and area of one hand."""
     used, (x, y) = bool(prediction.hands[n]), at
     colour, text_x, share = HANDS[side] if used else FAINT, x + round(1.5 * unit), prediction.mask(n).mean()
-    said = f"score {prediction.score[n].max():.2f}, {share:.1%} of the picture" if used else "not needed"
+    summary = f"score {prediction.score[n].max():.2f}, {share:.1%} of the picture" if used else "not needed"
     draw.rounded_rectangle((x, y, x + unit, y + unit), unit // 5, colour if used else None, colour, max(1, unit // 10))
     ink, bold, plain = INK if used else FAINT, font(round(0.95 * unit), bold=True), font(round(0.85 * unit))
     draw.text((text_x, y + unit // 2), f"{side} hand", ink, bold, anchor="lm")
-    draw.text((text_x, y + round(1.6 * unit)), said, FAINT, plain, anchor="lm")
+    draw.text((text_x, y + round(1.6 * unit)), summary, FAINT, plain, anchor="lm")
 
 
 def _bar(draw: ImageDraw.ImageDraw, name: str, value: float, at: tuple[int, int], width: int, unit: int) -> None:
-    """One class of the taxonomy and how likely it is."""
+    """Draw one class of the taxonomy and its probability."""
     x, y = at
     middle, start, end = y + unit // 2, x + round(8.2 * unit), x + width - round(2.6 * unit)
     draw.text((x, middle), WORDS[name], INK, font(round(0.9 * unit)), anchor="lm")
@@ -130,7 +138,7 @@ def _bar(draw: ImageDraw.ImageDraw, name: str, value: float, at: tuple[int, int]
 
 
 def _lines(text: str, font: ImageFont.FreeTypeFont, width: int) -> list[str]:
-    """The text broken at blanks; a word that is wider than a line is cut."""
+    """Wrap text at blanks; cut a word that is wider than a line."""
     lines = [""]
     for word in text.split():
         longer = f"{lines[-1]} {word}".strip()

@@ -1,15 +1,15 @@
-"""What a reader says when a source cannot be used."""
+"""Error of a reader for a source that cannot be used."""
 
 from __future__ import annotations
 
 LONGEST = 500
-"""characters of a sentence; beyond it what a file states is cut"""
+"""characters of a message; longer parts of it are shortened"""
 SHOWN = 120
-"""characters that are left of each part then"""
+"""characters of each part that are left after shortening"""
 
 
 class SourceError(ValueError):
-    """A file of a source is not usable: one sentence with file, field, what was expected, what was got, what to do."""
+    """Unusable file of a source: one sentence with file, field, what is expected, what was found, and a fix."""
 
     def __init__(self, where: str, expected: str, got: str, fix: str) -> None:
         where, expected, got, fix = (" ".join(part.splitlines()) for part in (where, expected, got, fix))
@@ -19,6 +19,6 @@ class SourceError(ValueError):
 
 
 def _cut(part: str) -> str:
-    """The part without its middle when it is long."""
+    """Remove the middle of a long text."""
     half = SHOWN // 2
     return part if len(part) <= SHOWN else f"{part[:half]} [...] {part[-half:]}"

@@ -1,4 +1,4 @@
-"""matplotlib with its own defaults: no matplotlibrc of the folder, the user or the machine changes a picture."""
+"""matplotlib with its default settings, independent of any matplotlibrc of the folder, the user or the machine."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files of a data set and their digests."""
+"""Files of data sets: digests, manifests, file trees, and atomic replacement of output folders."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ MANIFEST = "manifest.json"
 FOOTER = "footer_blake3"
 CHUNK_BYTES = 1 << 20
 TAIL_BYTES = 8
-"""of a Parquet file: the length of its footer and its mark"""
+"""bytes at the end of a Parquet file: the length of its footer and the magic number"""
 
 
 def empty_folder(path: Path) -> Path:
-    """A new folder; what a killed run left there is deleted."""
+    """Create an empty folder; delete what is in it, for example after a killed run."""
     if path.exists():
         shutil.rmtree(path)
     path.mkdir(parents=True)
@@ -32,18 +32,18 @@ def empty_folder(path: Path) -> Path:
 
 
 def write_json(path: Path, content: Any) -> None:
-    """Indented UTF-8 JSON; NaN and infinity are refused."""
+    """Write indented UTF-8 JSON; NaN and infinity are refused."""
     text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False)
     path.write_text(text + "\n", encoding="utf-8", newline="\n")
 
 
 def names(root: Path) -> list[str]:
-    """Every file below root, sorted, with forward slashes."""
+    """List the files below root, sorted, with forward slashes."""
     return sorted(path.relative_to(root).as_posix() for path in root.rglob("*") if path.is_file())
 
 
 def sha256(path: Path) -> str:
-    """Hex digest of a file."""
+    """Compute the SHA-256 hex digest of a file."""
     digest = hashlib.sha256()
     for chunk in _chunks(path):
         digest.update(chunk)
@@ -51,7 +51,7 @@ def sha256(path: Path) -> str:
 
 
 def write_manifest(root: Path) -> None:
-    """manifest.json: size, sha256 and blake3 of every other file, and blake3 of the footer of every shard."""
+    """Write manifest.json: size, sha256 and blake3 of every other file, and blake3 of the footer of every shard."""
     files = {name: _entry(root / name) for name in names(root) if name != MANIFEST}
     write_json(root / MANIFEST, {"files": files})
 
@@ -62,8 +62,9 @@ def _entry(path: Path) -> dict[str, Any]:
 
 
 def footer_digest(path: Path) -> str:
-    """Hex digest of what stands behind the pages of a Parquet file: schema, classes, places of the columns. Pages have checksums of
-    their own.
+    """Compute the hex digest of the footer of a Parquet file: schema, categories and column offsets.
+
+    The data pages have checksums of their own.
     """
     size = path.stat().st_size
     with path.open("rb") as file:
@@ -74,7 +75,7 @@ def footer_digest(path: Path) -> str:
 
 
 def tree(name: str, root: Path) -> FileTree:
-    """All files below root as a value."""
+    """Return all files below root as a FileTree."""
     refs = (FileRef(file, _blake3(root / file), (root / file).stat().st_size, root / file) for file in names(root))
     return FileTree(name, tuple(refs))
 
@@ -93,8 +94,9 @@ def _chunks(path: Path) -> Iterator[bytes]:
 
 
 def copy_folder(files: FileTree, marker: str, folder: Path) -> Path:
-    """Copy the files beside the one whose name ends in `marker` ('config.json') into `folder`, with those
-    below them. SourceError when there is no such file, or several.
+    """Copy the folder of a FileTree that contains the file `marker` ('config.json'), with its subfolders, into `folder`.
+
+    Raises SourceError for a tree without such a file, or with several.
     """
     found = [ref.name for ref in files.files if ref.name.rpartition("/")[2] == marker]
     heads = sorted({name.removesuffix(marker) for name in found}, key=len)
@@ -109,11 +111,11 @@ def copy_folder(files: FileTree, marker: str, folder: Path) -> Path:
 
 
 RECORD = "prediction.json"
-"""the file that makes a folder one of predictions"""
+"""file that marks a folder of predictions"""
 
 
 def write_files(folder: Path, files: Mapping[str, bytes]) -> Path:
-    """Write a prediction's files, RECORD among them, into `folder` and return it, as `write` does."""
+    """Write the files of a prediction, RECORD among them, into `folder` and return the folder."""
     with replace_folder(folder) as partial:
         for name, data in files.items():
             write_verified(partial / name, data)
@@ -122,7 +124,7 @@ def write_files(folder: Path, files: Mapping[str, bytes]) -> Path:
 
 @contextmanager
 def replace_folder(folder: Path) -> Iterator[Path]:
-    """A folder aside, which takes the place of an earlier prediction when all is in it."""
+    """Yield a temporary folder that replaces an earlier prediction when the block ends without an error."""
     if folder.exists() and not (folder / RECORD).is_file():
         raise SourceError(str(folder), "an earlier prediction or nothing", "something else", "give another --out")
     folder.parent.mkdir(parents=True, exist_ok=True)
@@ -135,13 +137,14 @@ def replace_folder(folder: Path) -> Iterator[Path]:
 
 
 def write_verified(path: Path, data: bytes) -> None:
+    """Write a file and compare it with what the disk returns; OSError when they differ."""
     path.write_bytes(data)
     if path.read_bytes() != data:
         raise OSError(f"{path}: expected the bytes that were written, read others; check the disk")
 
 
 def _replace(partial: Path, folder: Path) -> None:
-    """Put a folder in the place of another, which is deleted only when the new one is there."""
+    """Move a folder to the place of another one, which is deleted after the move."""
     old = folder.with_name(f".{folder.name}.old-{os.getpid()}")
     if folder.exists():
         folder.rename(old)

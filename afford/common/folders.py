@@ -1,6 +1,9 @@
-"""What lies in a source folder, by name alone: links that leave the folder are listed, never followed.
+"""Files of a source folder, and packs of images: a tar, a zip or a large folder.
 
-A folder of many images is listed as one, and not looked into: 11.5 million frames are 700 entries.
+Folders are listed by name alone, and links that leave the folder are listed but never followed. A folder of many images is one
+entry: 11.5 million frames are 700 entries. Packs are read in place and never unpacked. A frame of a pack has the name that it would
+have if the pack were a folder, such as `P03/rgb_frames/P03_101.tar/frame_0000000157.jpg` (EPIC-KITCHENS-100 has one tar of frames
+for each video, VISOR one zip of key frames).
 """
 
 from __future__ import annotations
@@ -21,52 +24,59 @@ from schemas.files import FileRef, FileTree
 VIDEO_SUFFIXES = (".mp4", ".mkv", ".mov", ".avi", ".webm", ".m4v", ".mpg", ".mpeg")
 IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png")
 PACK_SUFFIXES = (".tar", ".zip")
-"""frames in one file"""
+"""archives of frames"""
 DENSE = "Interpolations-DenseAnnotations/"
 FEW = 500
-"""images of a folder that are files of their own; a folder of more is taken as one, as a tar is"""
+"""images of a folder that are listed one by one; a larger folder is one entry, as a tar is"""
 
 
 @dataclass(frozen=True)
 class Entry:
-    """One file below the root, or what must not be opened: a link that leaves the root (to a file or to a folder), or no file."""
+    """File below the root of a source, or an entry that must not be opened.
+
+    The second kind is a link that leaves the root, a named pipe, a socket or a device.
+    """
 
     name: str
     """root-relative, with forward slashes"""
     path: Path
     leaves: bool
-    """it must not be opened"""
+    """the entry must not be opened"""
     many: bool = False
     """a folder of more than `FEW` images"""
     odd: str = ""
-    """what it is where it is neither file nor folder: reading it might never end"""
+    """kind of an entry that is neither file nor folder; reading it may never end"""
 
     @property
     def stem(self) -> str:
+        """File name without folder and suffix."""
         return PurePosixPath(self.name).stem
 
     @property
     def is_pack(self) -> bool:
-        """Frames that lie together: a tar, a zip or a folder of many."""
+        """Return True for a pack of frames: a tar, a zip or a folder of many images."""
         return self.many or is_pack(self.name)
 
     @property
     def suffix(self) -> str:
+        """Suffix in lower case, with its dot."""
         return PurePosixPath(self.name).suffix.lower()
 
     @property
     def folder(self) -> str:
-        """Name of the folder that holds the file; '' at the top."""
+        """Name of the folder of the file; '' at the top level."""
         return PurePosixPath(self.name).parent.name
 
     @property
     def top(self) -> bool:
+        """True for a file in the root folder itself."""
         return "/" not in self.name
 
 
 def media_of(files: FileTree) -> FileTree:
-    """The files of a video that hold its pictures. What decodes frames is given no others, so that an edited table or outline
-    does not decode them again.
+    """Return the files of a video that contain its images.
+
+    Stages that decode frames get these files alone, so that an edited table or outline causes no new decoding.
     """
     suffixes = VIDEO_SUFFIXES + IMAGE_SUFFIXES
     return FileTree(files.name, tuple(
@@ -74,13 +84,13 @@ def media_of(files: FileTree) -> FileTree:
 
 
 def is_pack(name: str) -> bool:
-    """Whether a file of a tree holds many frames, by its name: of a folder, which alone has no suffix, a tar or a zip."""
+    """Return True for a pack of frames by its name: a folder (no suffix), a tar or a zip."""
     suffix = PurePosixPath(name).suffix.lower()
     return (suffix == "" or suffix in PACK_SUFFIXES) and not name.startswith(DENSE)
 
 
 def entries(root: Path) -> tuple[Entry, ...]:
-    """Everything below `root` but hidden files, sorted by name. OSError when the folder cannot be listed."""
+    """List everything below `root` except hidden files, sorted by name. OSError when the folder cannot be listed."""
     real = root.resolve()
     return tuple(sorted(_walk(real, real, ""), key=lambda entry: entry.name))
 
@@ -105,7 +115,7 @@ def _walk(real: Path, folder: Path, prefix: str) -> Iterator[Entry]:
 
 
 def _odd(path: Path) -> str:
-    """What a path leads to that is no regular file; '' for a file, and for a link to nothing, which cannot be opened anyway."""
+    """Return the kind of a special file that a path leads to, '' for a regular file and for a broken link."""
     try:
         mode = os.stat(path).st_mode
     except OSError:
@@ -120,7 +130,7 @@ def _is_image(name: str) -> bool:
 
 
 def refuse_link(entry: Entry) -> None:
-    """SourceError for what lies outside the source folder, or is no file."""
+    """Raise SourceError for an entry outside the source folder and for a special file."""
     if entry.odd:
         raise SourceError(entry.name, "a file", entry.odd, "put the file itself there, or remove it from the folder")
     if entry.leaves:
@@ -130,7 +140,7 @@ def refuse_link(entry: Entry) -> None:
 
 BLOCK_BYTES = 512
 MOST_BYTES = 1 << 28
-"""of one image: 16 bits and three channels of 44 megapixels without any compression"""
+"""bytes of one image: 16 bits and three channels of 44 megapixels without compression"""
 PADDING_BYTES = 1 << 20
 """zeros that may follow the end of a tar; tar itself pads to 10 KiB"""
 Span = tuple[int, int]
@@ -139,18 +149,21 @@ Span = tuple[int, int]
 
 @dataclass(frozen=True)
 class Pack:
-    """The images of a pack, in the order of their names."""
+    """Images of a pack, sorted by name."""
 
     names: tuple[str, ...]
-    """inside the pack, without a leading ./"""
+    """names inside the pack, without a leading ./"""
     sizes: tuple[int, ...]
-    """bytes, as stored"""
+    """stored size in bytes"""
     spans: tuple[Span, ...]
-    """where each lies, for a tar; empty otherwise"""
+    """place of each image in a tar; empty for other packs"""
 
 
 def index_pack(path: Path) -> Pack:
-    """What a pack holds, from its headers, central directory or listing alone. ValueError when it was cut short or is none."""
+    """List the images of a pack from its headers, central directory or folder listing.
+
+    Raises ValueError for a truncated file or one of another kind.
+    """
     find = _in_folder if path.is_dir() else _in_zip if path.suffix.lower() == ".zip" else _in_tar
     found = sorted(find(path))
     spans = tuple(span for _, span in found)
@@ -158,14 +171,15 @@ def index_pack(path: Path) -> Pack:
 
 
 def pack_of(files: FileTree, frame: str) -> FileRef | None:
-    """The pack that holds a frame of this name, None for a file of its own."""
+    """Return the pack that contains a frame of this name, None for a file of its own."""
     parents = {str(parent) for parent in PurePosixPath(frame).parents}
     return next((file for file in files.files if file.name in parents), None)
 
 
 def read_pack(pack: FileRef, frames: Sequence[str], spans: Sequence[Span]) -> Iterator[bytes]:
-    """The bytes of frames of a pack, by name, or by their place where it is a tar. SourceError names what cannot be read, or states
-    more than `MOST_BYTES`.
+    """Read frames of a pack by name, or by their span in a tar.
+
+    Raises SourceError for a frame that cannot be read or states more than `MOST_BYTES`.
     """
     names = [frame.removeprefix(f"{pack.name}/") for frame in frames]
     if pack.path.is_dir():
@@ -213,7 +227,7 @@ def _in_tar(path: Path) -> Iterator[tuple[str, Span]]:
 
 
 def _check_end(path: Path, end: int, last: str) -> None:
-    """A whole tar ends with blocks of zeros, and with few of them."""
+    """Check that a tar ends with blocks of zeros, and with at most PADDING_BYTES of them."""
     size = path.stat().st_size
     with path.open("rb") as stream:
         stream.seek(end)
@@ -248,7 +262,7 @@ def _from_tar(pack: FileRef, names: Sequence[str], spans: Sequence[Span]) -> Ite
 
 
 def read_file(path: Path, name: str) -> bytes:
-    """The bytes of an image that is a file of its own; SourceError when it is larger than `MOST_BYTES` or cannot be read."""
+    """Read an image file; SourceError for one that is larger than `MOST_BYTES` or cannot be read."""
     try:
         _check_size(path.stat().st_size, name)
         return path.read_bytes()

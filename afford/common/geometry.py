@@ -1,4 +1,8 @@
-"""Points on a surface, and the few of them that cover the rest best."""
+"""Geometry: surface sampling, farthest point sampling, and quaternions of single rotations.
+
+The quaternion functions take one rotation (x y z w) at a time, as simulators need at every step; scipy and numpy calls are about
+twenty times slower for that.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +11,10 @@ import numpy as np
 
 def sample_surface(vertices: np.ndarray, faces: np.ndarray, weight: np.ndarray, count: int,
            rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """(count, 3) float32 points drawn evenly from faces in proportion to `weight` (f,), and the face (count,) int32 of each.
+    """Sample points on a mesh, stratified, in proportion to a weight of each face.
 
-    Stratified: no face gets more than one point too many or too few. Nothing when no face has weight.
+    Returns (count, 3) float32 points and the face (count,) int32 of each. The number of points of a face differs from its share by
+    at most one. The result is empty when no face has a weight.
     """
     total = np.cumsum(weight, dtype=np.float64)
     if not len(total) or total[-1] <= 0:
@@ -25,8 +30,9 @@ def sample_surface(vertices: np.ndarray, faces: np.ndarray, weight: np.ndarray, 
 
 
 def farthest_point_sampling(points: np.ndarray, count: int) -> np.ndarray:
-    """(k,) int64 indices of farthest-point sampling, k = min(count, n): first the point farthest from the middle, then always the
-    one that is farthest from those taken.
+    """Return (k,) int64 indices of farthest point sampling, k = min(count, n).
+
+    The first point is the one farthest from the mean; each next point is the one farthest from those already chosen.
     """
     if not len(points) or not count:
         return np.zeros(0, np.int64)
@@ -41,7 +47,7 @@ def farthest_point_sampling(points: np.ndarray, count: int) -> np.ndarray:
 
 
 def quaternion_matrix(quaternion: np.ndarray) -> np.ndarray:
-    """(4,) unit quaternion -> (3, 3)."""
+    """Convert a unit quaternion (4,) to a rotation matrix (3, 3)."""
     x, y, z, w = map(float, quaternion)
     return np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
                      [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
@@ -49,14 +55,14 @@ def quaternion_matrix(quaternion: np.ndarray) -> np.ndarray:
 
 
 def cross(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """(3,) vector product."""
+    """Compute the cross product of two vectors (3,)."""
     a, b, c = map(float, first)
     x, y, z = map(float, second)
     return np.array([b * z - c * y, c * x - a * z, a * y - b * x])
 
 
 def quaternion_product(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """(4,) that turns by `second`, then by `first`."""
+    """Compose two rotations (4,): first `second`, then `first`."""
     a, b, c, d = map(float, first)
     x, y, z, w = map(float, second)
     return np.array([d * x + a * w + b * z - c * y, d * y - a * z + b * w + c * x,
@@ -64,6 +70,6 @@ def quaternion_product(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 
 def quaternion_inverse(quaternion: np.ndarray) -> np.ndarray:
-    """(4,) of a unit quaternion."""
+    """Invert a unit quaternion (4,)."""
     found: np.ndarray = np.asarray(quaternion, np.float64) * (-1.0, -1.0, -1.0, 1.0)
     return found

@@ -1,4 +1,7 @@
-"""Bytes -> a picture: upright RGB, or one sentence about why not. The size is read before anything is decoded."""
+"""Image files: decode RGB and depth images and camera intrinsics, encode JPEG and PNG.
+
+Image sizes are checked before anything is decoded (bounded.py). Errors are SourceError, one sentence.
+"""
 
 from __future__ import annotations
 
@@ -18,12 +21,12 @@ from afford.common.text import parse_json
 
 @dataclass(frozen=True)
 class Picture:
-    """One image that a model can be asked about."""
+    """Input image of a model."""
 
     name: str
-    """what it is called in every message and in the output, without suffix: `tea/kettle`, `clip/frame_0000011`"""
+    """name in messages and in the output, without suffix: `tea/kettle`, `clip/frame_0000011`"""
     source: str
-    """the file that it comes from, as the user named it"""
+    """file of the image, as the user wrote it"""
     rgb: np.ndarray
     """(h, w, 3) uint8"""
     frame: int | None = None
@@ -33,7 +36,7 @@ class Picture:
 
 
 def read_image(path: Path) -> np.ndarray:
-    """(h, w, 3) uint8 RGB, upright. SourceError when the file is no image that can be read."""
+    """Read an image file as upright RGB (h, w, 3) uint8. SourceError for any other file."""
     try:
         data = path.read_bytes()
     except OSError as error:
@@ -42,7 +45,10 @@ def read_image(path: Path) -> np.ndarray:
 
 
 def decode_image(data: bytes, name: str, max_pixels: int = MAX_PIXELS) -> np.ndarray:
-    """(h, w, 3) uint8 RGB, turned as EXIF asks; transparency is dropped. SourceError (TooLargeError) when it cannot be had."""
+    """Decode an image to upright RGB (h, w, 3) uint8.
+
+    The EXIF orientation is applied and transparency is dropped. Raises SourceError (TooLargeError) for data that cannot be decoded.
+    """
     check_image(data, name, max_pixels)
     try:
         bgr = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR_BGR)
@@ -54,12 +60,15 @@ def decode_image(data: bytes, name: str, max_pixels: int = MAX_PIXELS) -> np.nda
 
 
 def encode_jpeg(rgb: np.ndarray, quality: int) -> np.ndarray:
-    """(h, w, 3) uint8 RGB -> (b,) uint8, the file; quality 0..100."""
+    """Encode (h, w, 3) uint8 RGB as the bytes (b,) uint8 of a JPEG; quality 0..100."""
     return _file(".jpg", cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR), (cv2.IMWRITE_JPEG_QUALITY, quality))
 
 
 def encode_png(picture: np.ndarray, options: tuple[int, ...] = ()) -> np.ndarray:
-    """(h, w) grey, (h, w, 3) BGR or (h, w, 4) BGRA uint8, in the order of OpenCV, whose options these are -> (b,) uint8."""
+    """Encode (h, w) grey, (h, w, 3) BGR or (h, w, 4) BGRA uint8 as the bytes (b,) uint8 of a PNG.
+
+    Channel order and `options` are those of OpenCV.
+    """
     return _file(".png", picture, options)
 
 
@@ -72,32 +81,32 @@ def _file(kind: str, picture: np.ndarray, options: tuple[int, ...]) -> np.ndarra
 
 JPEG_QUALITY = 90
 PNG = (cv2.IMWRITE_PNG_COMPRESSION, 2, cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_NONE)
-"""unfiltered: five times as fast as libpng's choice, and as small for flat pictures"""
+"""no filter: five times as fast as libpng's default, and as small for flat images"""
 OPACITY = 150
 
 
 def jpeg(rgb: np.ndarray) -> bytes:
-    """JPEG of (h, w, 3) uint8 sRGB."""
+    """Encode (h, w, 3) uint8 sRGB as JPEG."""
     return encode_jpeg(rgb, JPEG_QUALITY).tobytes()
 
 
 def mask_png(mask: np.ndarray) -> bytes:
-    """PNG of (h, w) bool, 0 and 255, so that any viewer shows it."""
+    """Encode (h, w) bool as a PNG of 0 and 255, which any viewer shows."""
     return encode_png(mask.view(np.uint8) * np.uint8(255), PNG).tobytes()
 
 
 def grey_png(values: np.ndarray) -> bytes:
-    """PNG of (h, w) uint8."""
+    """Encode (h, w) uint8 as PNG."""
     return encode_png(values, PNG).tobytes()
 
 
 def colour_png(labels: np.ndarray, palette: Palette) -> bytes:
-    """PNG of (h, w) uint8 labels, each painted in its colour of the palette."""
+    """Encode (h, w) uint8 labels as a PNG in the colours of the palette."""
     return encode_png(_painted(labels, [(*colour, 255) for colour in palette])[..., :3], PNG).tobytes()
 
 
 def overlay_png(masks: np.ndarray, palette: Palette) -> bytes:
-    """Transparent PNG of (n, h, w) bool masks; a later mask lies over an earlier one."""
+    """Encode (n, h, w) bool masks as a transparent PNG; a later mask covers an earlier one."""
     labels = np.zeros(masks.shape[1:], np.uint8)
     for n, mask in enumerate(masks, 1):
         np.copyto(labels, np.uint8(n), where=mask)
@@ -105,19 +114,22 @@ def overlay_png(masks: np.ndarray, palette: Palette) -> bytes:
 
 
 def _painted(labels: np.ndarray, rgba: Sequence[tuple[int, ...]]) -> np.ndarray:
-    """(h, w, 4) uint8 in the order that OpenCV writes: blue, green, red, alpha."""
+    """Colour labels: (h, w, 4) uint8 in OpenCV's order blue, green, red, alpha."""
     words = np.array(rgba, np.uint8)[:, [2, 1, 0, 3]].copy().view(np.uint32).reshape(-1)
     return np.take(words, labels).view(np.uint8).reshape(*labels.shape, 4)
 
 
 PNG_M = 0.001
-"""a depth PNG counts millimetres"""
+"""metres per unit of a depth PNG"""
 FARTHEST_M = 20.0
-"""depths beyond are no depths of a thing that a hand grasps: a file in millimetres that should be in metres"""
+"""largest plausible median depth of a tabletop scene; larger values mean millimetres in a file of metres"""
 
 
 def read_depth(path: Path) -> np.ndarray:
-    """(h, w) float32 metres, 0 where nothing was measured, of a 16-bit PNG in millimetres or a .npy in metres."""
+    """Read a depth image: a 16-bit PNG in millimetres or a .npy in metres.
+
+    Returns (h, w) float32 metres, 0 for pixels without a measurement.
+    """
     expected, fix = "a depth picture: PNG of 16 bits in millimetres, or .npy (h, w) in metres", "convert it"
     try:
         found = load_npy(path, str(path)) if path.suffix == ".npy" else read_png(path)
@@ -135,6 +147,7 @@ def read_depth(path: Path) -> np.ndarray:
 
 
 def read_png(path: Path) -> np.ndarray:
+    """Decode a PNG with its own channels and bit depth. SourceError for any other file."""
     data = path.read_bytes()
     check_image(data, str(path))
     try:
@@ -147,6 +160,7 @@ def read_png(path: Path) -> np.ndarray:
 
 
 def read_json(path: Path, what: str) -> Any:
+    """Read a JSON file; `what` describes its content in the SourceError for an unreadable one."""
     try:
         return parse_json(path.read_bytes(), str(path))
     except OSError as error:
@@ -154,7 +168,7 @@ def read_json(path: Path, what: str) -> Any:
 
 
 def read_intrinsics(path: Path) -> np.ndarray:
-    """Intrinsic matrix K (3, 3), px, of a camera file in JSON. SourceError when the file holds no such matrix."""
+    """Read the intrinsic matrix K (3, 3), px, from a camera file in JSON. SourceError for any other content."""
     content = read_json(path, "a camera (JSON)")
     expected = 'fx, fy, cx, cy, or "K" with three rows of three numbers'
     if isinstance(content, dict) and {"fx", "fy", "cx", "cy"} <= set(content):
@@ -166,7 +180,7 @@ def read_intrinsics(path: Path) -> np.ndarray:
 
 
 def finite_array(found: Any, shape: tuple[int, ...]) -> np.ndarray | None:
-    """The array, None when it is not one of finite numbers of this shape; -1 stands for any size."""
+    """Convert to a float64 array; None unless it is finite and has this shape, in which -1 matches any size."""
     try:
         out = np.array(found, np.float64)
     except (TypeError, ValueError, OverflowError):

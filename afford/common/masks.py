@@ -1,4 +1,7 @@
-"""The box of a mask as slices of rows and columns: `image[box(mask)]` is cropped to it."""
+"""Binary masks: bounding boxes, morphology, nearest fill, and metrics of masks and images.
+
+Masks are (h, w) bool. Metrics compare two masks of the same shape; a pair of empty masks gives NaN, except for `iou`.
+"""
 
 from __future__ import annotations
 
@@ -8,15 +11,16 @@ import cv2
 import numpy as np
 
 Box = tuple[slice, slice]
-"""rows, columns; stops not included"""
+"""slices of rows and columns, so that `image[box(mask)]` is the crop; stops are exclusive"""
 
 BORDER = 50 / 855
-"""border of ActAffordance's crops, as a share of the longer side of the image"""
+"""border of ActAffordance's crops, relative to the longer side of the image"""
 
 
 def box(mask: np.ndarray, border_px: int | Sequence[int] = 0) -> Box:
-    """The smallest box around the mask (h, w) bool, and a border inside the image: one width for all sides, or left, top, right,
-    bottom. Empty slices for an empty mask.
+    """Compute the bounding box of a mask, with a border that is clipped to the image.
+
+    `border_px` is one width for all sides, or left, top, right, bottom. An empty mask gives empty slices.
     """
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     if not rows.size:
@@ -28,12 +32,12 @@ def box(mask: np.ndarray, border_px: int | Sequence[int] = 0) -> Box:
 
 
 def dilate(mask: np.ndarray, radius_px: int) -> np.ndarray:
-    """(h, w) or (t, h, w) bool, grown by a disc. Radius 0 returns the mask itself."""
+    """Dilate masks (h, w) or (t, h, w) bool by a disc. Radius 0 returns the mask itself."""
     return _morph(cv2.dilate, mask, radius_px)
 
 
 def erode(mask: np.ndarray, radius_px: int) -> np.ndarray:
-    """(h, w) or (t, h, w) bool, shrunk by a disc; the image border does not erode."""
+    """Erode masks (h, w) or (t, h, w) bool by a disc; the image border does not erode."""
     return _morph(cv2.erode, mask, radius_px)
 
 
@@ -47,7 +51,7 @@ def _morph(operation: Callable[..., np.ndarray], mask: np.ndarray, radius_px: in
 
 
 def fill_nearest(image: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """The image (h, w, c), where it is not known (h, w) bool, like its nearest known pixel."""
+    """Fill the unknown pixels of an image (h, w, c) with the nearest pixel that is `known` (h, w) bool."""
     _, label = cv2.distanceTransformWithLabels((~known).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
     by_label = np.zeros((int(label.max()) + 1, image.shape[2]), image.dtype)
     by_label[label[known]] = image[known]
@@ -58,19 +62,25 @@ NAN = float("nan")
 
 
 def region_similarity(found: np.ndarray, truth: np.ndarray) -> float:
-    """J, the intersection over union (Perazzi et al. 2016). 0 when one of them is empty, NaN when both are."""
+    """Compute J, the intersection over union (Perazzi et al. 2016).
+
+    0 when one of the masks is empty, NaN when both are.
+    """
     union = np.count_nonzero(found | truth)
     return np.count_nonzero(found & truth) / union if union else NAN
 
 
 def iou(found: np.ndarray, truth: np.ndarray) -> float:
-    """The same, and 0 when both are empty."""
+    """Compute the intersection over union; 0 when both masks are empty."""
     union = np.count_nonzero(found | truth)
     return np.count_nonzero(found & truth) / union if union else 0.0
 
 
 def precision(found: np.ndarray, truth: np.ndarray) -> float:
-    """Share of the found pixels that are true. 0 when nothing is found but something is true, NaN when both are empty."""
+    """Compute the share of the found pixels that are true.
+
+    0 when only the found mask is empty, NaN when both are.
+    """
     count = np.count_nonzero(found)
     if count == 0:
         return 0.0 if truth.any() else NAN
@@ -78,22 +88,25 @@ def precision(found: np.ndarray, truth: np.ndarray) -> float:
 
 
 def recall(found: np.ndarray, truth: np.ndarray) -> float:
-    """Share of the true pixels that are found. 0 when nothing is true but something is found, NaN when both are empty."""
+    """Compute the share of the true pixels that are found.
+
+    0 when only the true mask is empty, NaN when both are.
+    """
     return precision(truth, found)
 
 
 def boundary(mask: np.ndarray) -> np.ndarray:
-    """Pixels of the mask that have a 4-neighbour outside it; the image border does not count as outside. (h, w) bool."""
+    """Return the pixels (h, w) bool of a mask with a 4-neighbour outside it; the image border is not outside."""
     padded = np.pad(mask, 1, mode="edge")
     inner = padded[:-2, 1:-1] & padded[2:, 1:-1] & padded[1:-1, :-2] & padded[1:-1, 2:]
     return mask & ~inner
 
 
 def boundary_f(found: np.ndarray, truth: np.ndarray, tolerance_px: int = 2) -> float:
-    """F, the harmonic mean of boundary precision and recall (Perazzi et al. 2016).
+    """Compute F, the harmonic mean of boundary precision and recall (Perazzi et al. 2016).
 
-    A boundary pixel counts when the other boundary lies within a disc of radius `tolerance_px`. A mask that fills the whole
-    image has no boundary. 0 when only one of the masks has a boundary; NaN when both masks are empty.
+    A boundary pixel matches when the other boundary is within `tolerance_px`. A mask of the whole image has no boundary. The result
+    is 0 when only one of the masks has a boundary and NaN when both masks are empty.
     """
     if not found.any() and not truth.any():
         return NAN
@@ -114,9 +127,9 @@ def _disc(radius_px: int) -> np.ndarray:
 
 
 def psnr_db(found: np.ndarray, truth: np.ndarray, mask: np.ndarray | None = None) -> float:
-    """Peak signal-to-noise ratio of (h, w, 3) uint8 images in dB, over the pixels of `mask` (h, w) bool.
+    """Compute the peak signal-to-noise ratio of (h, w, 3) uint8 images in dB, inside `mask` (h, w) bool.
 
-    NaN when the mask is empty, infinity when the pixels agree.
+    NaN for an empty mask, infinity for equal pixels.
     """
     if mask is not None:
         found, truth = found[mask], truth[mask]

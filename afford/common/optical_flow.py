@@ -1,6 +1,6 @@
-"""Dense optical flow between two frames, and how to follow it: DIS (Kroeger et al. 2016) on grey images.
+"""Dense optical flow between two grey images by DIS (Kroeger et al. 2016), and composition of flows.
 
-A flow (h, w, 2) float32 from frame a to frame b says for each pixel x of a that it lies at x + flow(x) in b, in px, (x, y).
+A flow (h, w, 2) float32 from frame a to frame b maps pixel x of a to x + flow(x) in b, in px, (x, y).
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ PRESETS = {
 
 
 def flow_between(a: np.ndarray, b: np.ndarray, preset: str = "medium", start: np.ndarray | None = None) -> np.ndarray:
-    """Flow from grey image `a` to `b`, both (h, w) uint8; `start` is a flow to begin from. Deterministic."""
+    """Compute the flow between grey images (h, w) uint8, deterministically; `start` is an initial flow."""
     engine = cv2.DISOpticalFlow_create(PRESETS[preset])
     return engine.calc(a, b, None if start is None else start.copy())
 
 
 @cache
 def identity_map(height_px: int, width_px: int) -> np.ndarray:
-    """Position (x, y) of every pixel, (h, w, 2) float32. Read-only."""
+    """Return the position (x, y) of every pixel, (h, w, 2) float32, read-only."""
     y, x = np.mgrid[:height_px, :width_px].astype(np.float32)
     grid = np.dstack([x, y])
     grid.flags.writeable = False
@@ -33,6 +33,6 @@ def identity_map(height_px: int, width_px: int) -> np.ndarray:
 
 
 def compose_flow(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Flow from a to c, out of `first` from a to b and `second` from b to c; beyond the border the border's motion holds."""
+    """Compose the flows a -> b and b -> c to a -> c; beyond the image border the border's flow is used."""
     where = identity_map(*first.shape[:2]) + first
     return first + cv2.remap(second, where, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)

@@ -1,6 +1,6 @@
-"""Colours of pictures, sheets, plots and recordings: the same thing looks the same in all of them. RGB, 0..255.
+"""Colours of images, sheets, plots and recordings, RGB 0..255: one entity has one colour everywhere.
 
-The page of the demo has the hands' colours once more, in its style sheet; a test compares them.
+The style sheet of the demo page repeats the colours of the hands; a test compares them.
 """
 
 from __future__ import annotations
@@ -15,26 +15,26 @@ TONES = ((216, 174, 152), (206, 158, 132), (190, 142, 114), (162, 116, 90), (122
 
 Colour = tuple[int, int, int]
 Palette = Sequence[Colour]
-"""one colour per label or mask"""
+"""one colour for each label or mask"""
 LEFT: Colour = (240, 130, 20)
 RIGHT: Colour = (40, 130, 240)
-"""orange and blue, which those who do not see red and green apart tell apart as well"""
+"""orange and blue, which remain distinct with red-green colour blindness"""
 HANDS = {"left": LEFT, "right": RIGHT}
 OBJECTS: tuple[Colour, ...] = ((102, 187, 106), (255, 202, 40), (171, 71, 188), (38, 198, 218), (141, 110, 99), (156, 204, 101),
                                (236, 64, 122), (0, 137, 123))  # fmt: skip
-"""none of them near a hand's"""
+"""colours far from those of the hands"""
 INK: Colour = (25, 28, 32)
 PAPER: Colour = (250, 250, 248)
 FAINT: Colour = (110, 116, 124)
 
 
 def web(colour: Colour) -> str:
-    """#rrggbb, as matplotlib wants it."""
+    """Format a colour as #rrggbb, as matplotlib and CSS expect."""
     return "#{:02x}{:02x}{:02x}".format(*colour)
 
 
 def colours_of(entities: Sequence[Entity]) -> Palette:
-    """A colour for each entity: hands have their own, an object the one of its name, or the next free one."""
+    """Choose a colour for each entity: fixed ones for hands, one derived from its name for an object."""
     found: list[Colour] = []
     for entity in entities:
         start = blake3(entity.entity_id.encode()).digest()[0]

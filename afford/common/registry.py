@@ -1,5 +1,6 @@
-"""Backends by name: a literal dict ``name -> "module:attribute"``, resolved at the moment of use so that leafs load late; and
-packages that only an extra installs.
+"""Backend registries: a literal dict ``name -> "module:attribute"``, resolved on use, and optional extras.
+
+Resolution on use keeps heavy modules out of the import of a stage.
 """
 
 from __future__ import annotations
@@ -8,14 +9,14 @@ import importlib
 from collections.abc import Mapping
 from typing import Any, TypeVar
 
-DYNAMIC = ()  # no module of ours is loaded here that the literal registry of the caller does not name
+DYNAMIC = ()  # only modules that a literal registry of the caller lists are loaded here
 
 Own = TypeVar("Own", contravariant=True)
-"""the parameters of one backend in the Protocol of its question; None for a backend that has none"""
+"""type of the parameters of a backend in the Protocol of its interface; None for a backend without parameters"""
 
 
 def load(registry: Mapping[str, str], name: str) -> Any:
-    """The object that `registry` names; KeyError lists the valid names."""
+    """Import the object that `registry` lists under `name`; KeyError lists the valid names."""
     if name not in registry:
         raise KeyError(f"unknown backend {name!r}; choose one of {', '.join(sorted(registry))}")
     module, attribute = registry[name].split(":")
@@ -23,16 +24,16 @@ def load(registry: Mapping[str, str], name: str) -> Any:
 
 
 def block(params: object, name: str) -> Any:
-    """The parameters of the entry `name` alone: the field of Params that is named so; None for an entry without any."""
+    """Return the parameters of the backend `name`: the field of Params with that name, None without one."""
     return getattr(params, name.replace("-", "_"), None)
 
 
 def extra(package: str, name: str) -> Any:
-    """A package of the extra `name` of pyproject.toml; ValueError when it is not installed. No stage may compute with it: its
-    version is in no key.
+    """Import a package of the extra `name` of pyproject.toml; ValueError when it is not installed.
+
+    Stages must not compute with such a package, because its version is not part of a key.
     """
     try:
         return importlib.import_module(package)
     except ModuleNotFoundError as error:
-        raise ValueError(f"{package}: expected this package of the extra `{name}`, got none; "
-                         f"make setup EXTRA={name}") from error
+        raise ValueError(f"{package} is not installed; run `make setup EXTRA={name}`") from error

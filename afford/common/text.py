@@ -1,4 +1,4 @@
-"""Text files in UTF-8."""
+"""Text: UTF-8 and strict JSON files, natural sort order, left and right in sentences."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from schemas.video import OTHER
 
 
 def read_utf8(path: Path, name: str) -> str:
-    """Text of a file called `name`; SourceError when a byte of it is not UTF-8."""
+    """Read a text file called `name`; SourceError for bytes that are not UTF-8."""
     try:
         return path.read_bytes().decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -20,7 +20,7 @@ def read_utf8(path: Path, name: str) -> str:
 
 
 def parse_json(data: bytes, name: str) -> Any:
-    """The document in `data`. SourceError names the file and the line when it is not strict JSON in UTF-8."""
+    """Parse strict JSON in UTF-8, without NaN and Infinity; SourceError gives file and line."""
 
     def refuse(word: str) -> NoReturn:
         raise SourceError(name, "finite numbers", word, "JSON has no NaN or Infinity; correct or remove the annotation")
@@ -35,12 +35,12 @@ def parse_json(data: bytes, name: str) -> Any:
         raise SourceError(f"{name}, line {error.lineno}", "JSON", error.msg, "was the file cut short? get it again") from error
     except RecursionError as error:
         raise SourceError(name, "JSON", "lists in lists beyond any use", "get the file again") from error
-    except ValueError as error:  # what is left: Python reads no whole number of more than 4300 digits
+    except ValueError as error:  # Python parses no integer of more than 4300 digits
         raise SourceError(name, "numbers of a usual length", "one of thousands of digits", "correct it") from error
 
 
 def json_field(record: Any, key: str, kind: type, where: str) -> Any:
-    """`record[key]` when it is a `kind`; SourceError otherwise."""
+    """Return `record[key]` if it is of type `kind`; raise SourceError otherwise."""
     if not isinstance(record, dict):
         raise SourceError(where, "an object with fields", type(record).__name__,
                           "compare the file with docs/extraction/own-video.md")
@@ -51,7 +51,7 @@ def json_field(record: Any, key: str, kind: type, where: str) -> Any:
 
 
 def word_tables(document: Any, name: str) -> dict[str, dict[str, str]]:
-    """A table of tables of words; SourceError when it is something else."""
+    """Return a document that is a dict of dicts of strings; raise SourceError for any other."""
     good = isinstance(document, dict) and all(
         isinstance(row, dict) and all(isinstance(word, str) for word in row.values()) for row in document.values())
     if not good:
@@ -63,8 +63,9 @@ ZERO = ord("0")
 
 
 def natural_key(name: str) -> tuple[tuple[tuple[int, int], ...], str]:
-    """What to sort names by: digits count as one number, every other character as itself. Names whose numbers have as many digits
-    keep the order of plain text; two names are never equal.
+    """Sort key of natural order: runs of digits compare as numbers (1, 2, 10).
+
+    Names whose numbers have equally many digits keep the order of plain text. Two different names never compare equal.
     """
     parts = re.findall(r"[0-9]+|[^0-9]", name)
     return tuple((ZERO, int(part)) if part[0] in "0123456789" else (ord(part), 0) for part in parts), name
@@ -74,7 +75,7 @@ SIDE_WORDS = re.compile(r"\b(left|right)\b", re.IGNORECASE)
 
 
 def swap_sides(text: str) -> str:
-    """Exchange the whole words left and right; the case stays."""
+    """Exchange the whole words left and right, for example in the task of a mirrored image; the case is kept."""
     return SIDE_WORDS.sub(lambda found: _like(found.group(), OTHER[found.group().lower()]), text)
 
 

@@ -1,4 +1,7 @@
-"""What a worker process does before a task, so that the same key gives the same bytes: threads, seeds, kernel caches."""
+"""Set-up of a worker process, so that equal keys give equal bytes: threads, seeds, caches of compiled code.
+
+Libraries that load late are seeded when they are imported. Cached machine code and font lists are verified by a digest before use.
+"""
 
 from __future__ import annotations
 
@@ -15,20 +18,19 @@ from typing import Any
 
 from blake3 import blake3
 
-DYNAMIC = ()  # sys.modules is counted, and no module of ours is taken out of it
+DYNAMIC = ()  # sys.modules is only counted
 VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 FONT_FOLDER = "sealed-matplotlib"
 SEALED = "verified-"
-"""begins the names of folders of compiled code that is verified before it is used"""
+"""prefix of folders of compiled code that is verified before use"""
 
 
 def prepare(seed: int, threads: int) -> None:
-    """Fix the thread count and the global random states of every numeric library that is loaded, or will be.
+    """Set the thread count and the random seeds of every numeric library, loaded now or later.
 
-    Libraries that are loaded later read the environment; those that are there already are limited through threadpoolctl. torch
-    gets the seed and threads of the running task when a stage imports it.
-
-    Intel's IPP inside OpenCV stays off: some of its results depend, in the last bit, on where in memory an array lies.
+    Libraries that load later read the environment; threadpoolctl limits those that are already loaded. torch gets the seed and
+    threads of the running task when a stage imports it. Intel's IPP inside OpenCV is off, because the last bit of some of its
+    results depends on the memory address of an array.
     """
     for name in VARIABLES:
         os.environ[name] = str(threads)
@@ -54,7 +56,7 @@ def prepare(seed: int, threads: int) -> None:
 
 
 class _Pools:
-    """The native thread pools of this process, looked for again when modules were loaded since."""
+    """Native thread pools of this process, searched again when modules were loaded since."""
 
     def __init__(self) -> None:
         self.modules, self.threads = 0, 0
@@ -65,7 +67,7 @@ _pools = _Pools()
 
 
 def _limit(threads: int) -> None:
-    """Limit every BLAS and OpenMP library that is loaded."""
+    """Limit the threads of every BLAS and OpenMP library that is loaded."""
     from threadpoolctl import ThreadpoolController
 
     if _pools.modules == len(sys.modules) and _pools.threads == threads:
@@ -77,12 +79,12 @@ def _limit(threads: int) -> None:
 
 
 def kernel_sources(root: Path) -> list[Path]:
-    """Every file of ours that compiles numba kernels, or holds constants that they may use."""
+    """List every file that compiles numba kernels or defines constants for them."""
     return sorted(path for path in (root / "afford").rglob("*.py"))
 
 
 def use_kernel_cache(root: Path, store: Path) -> Path:
-    """Point numba's cache into the store, in a folder named after the digest of the sources it compiles. Its files are sealed."""
+    """Set numba's cache to a folder of the store whose name is the digest of the kernel sources. Its files are sealed."""
     digest = blake3()
     for path in kernel_sources(root):
         digest.update(path.relative_to(root).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
@@ -93,14 +95,14 @@ def use_kernel_cache(root: Path, store: Path) -> Path:
 
 
 def use_font_cache(store: Path) -> None:
-    """Let matplotlib keep its list of fonts in the store, with a digest, and look for no settings in the home folder."""
+    """Set matplotlib's font list to a file in the store, with a digest, and ignore the settings in the home folder."""
     os.environ["MPLCONFIGDIR"] = str(store / ".cache" / FONT_FOLDER)
     seal_fonts(store / ".cache" / FONT_FOLDER)
 
 
 DIGEST_SUFFIX = ".blake3"
 COMPILED = (".nbi", ".nbc")
-"""numba's files: an index of a function's signatures, and the machine code of one"""
+"""suffixes of numba's files: the index of a function's signatures, and machine code"""
 
 FONT_LISTS = "fontlist-*.json"
 
@@ -108,7 +110,7 @@ _actions: dict[str, Callable[[Any], None]] = {}
 
 
 class _Watcher(MetaPathFinder):
-    """Finds no module itself: it lets the others find one, and appends the action to what loading it does."""
+    """Module finder that runs an action after another finder has loaded a module."""
 
     def find_spec(self, name: str, path: Sequence[str] | None, target: ModuleType | None = None) -> ModuleSpec | None:
         if name not in _actions:
@@ -135,7 +137,10 @@ _watcher = _Watcher()
 
 
 def when_loaded(name: str, action: Callable[[Any], None]) -> None:
-    """Call `action` with module `name`: now when it is loaded, else as soon as it is. A later action replaces an earlier one."""
+    """Call `action` with module `name`: now if it is loaded, otherwise right after its import.
+
+    A later action replaces an earlier one.
+    """
     _actions[name] = action
     if name in sys.modules:
         action(sys.modules[name])
@@ -144,15 +149,16 @@ def when_loaded(name: str, action: Callable[[Any], None]) -> None:
 
 
 def seal_kernels(caching: Any) -> None:
-    """Give `numba.core.caching` an `open` of its own, which writes a BLAKE3 digest beside every compiled file and verifies the file
-    before it is unpickled or run. One that does not fit, or has no digest, is deleted and compiled again. The files themselves stay
-    numba's, so that a process without this `open` can share them.
+    """Replace the `open` of `numba.core.caching` by one that seals compiled files with a BLAKE3 digest.
+
+    Every file is verified before it is unpickled or run. A file with a wrong or missing digest is deleted and compiled again. The
+    format of the files is unchanged, so that a process without this `open` can share them.
     """
     caching.open = open_sealed
 
 
 def open_sealed(path: Any, mode: str = "r", *more: Any) -> Any:
-    """As `open`; compiled files have a digest beside them. FileNotFoundError when one does not fit its digest."""
+    """Open a file; compiled files are verified by their digest. FileNotFoundError for a wrong digest."""
     name = str(path)
     if not any(suffix in os.path.basename(name) for suffix in COMPILED):
         return open(path, mode, *more)
@@ -167,14 +173,14 @@ def open_sealed(path: Any, mode: str = "r", *more: Any) -> Any:
 
 
 class _Sealing(io.BytesIO):
-    """A file that is written, with its digest, when it is closed."""
+    """Output file that writes its digest when it is closed."""
 
     def __init__(self, path: str) -> None:
         super().__init__()
         self._path = path
 
     def close(self) -> None:
-        """Write the digest beside the final name, then the file under its temporary one, which numba renames."""
+        """Write the digest for the final name, then the file under its temporary name, which numba renames."""
         if not self.closed:
             data = self.getvalue()
             Path(self._path.partition(".tmp.")[0] + DIGEST_SUFFIX).write_bytes(blake3(data).digest())
@@ -183,9 +189,7 @@ class _Sealing(io.BytesIO):
 
 
 def seal_fonts(folder: Path) -> None:
-    """Delete matplotlib's list of fonts in `folder` where it does not fit the digest beside it, and put a digest beside a list that
-    matplotlib makes.
-    """
+    """Delete a font list of matplotlib whose digest is wrong, and write a digest for each new list."""
     for path in folder.glob(FONT_LISTS):
         if not _digest_of(path).exists() or _digest_of(path).read_text() != blake3(path.read_bytes()).hexdigest():
             path.unlink()

@@ -1,1 +1,1 @@
-"""On-disk formats: 2HANDS, ActAffordance, COCO, WebDataset, SOR3D-AFF."""
+"""On-disk data set formats: Parquet, 2HANDS, ActAffordance, COCO, WebDataset, SOR3D-AFF."""

@@ -1,7 +1,9 @@
-"""ActAffordance's folders by name alone: which files belong to which case.
+"""ActAffordance's folder layout: reader of cases and predictions, and writer of rendered stills in the same layout.
 
-[data/]{masks,cropped}/<video>/<frame>/{inpainting.png, annotation.json, aff_left.png?, ...}     truth
-[masks|cropped/][<threshold>/]<video>/<frame>/aff_{left,right}.png                               predictions of any method
+    [data/]{masks,cropped}/<video>/<frame>/{inpainting.png, annotation.json, aff_left.png?, ...}     ground truth
+    [masks|cropped/][<threshold>/]<video>/<frame>/aff_{left,right}.png                               predictions of any method
+
+A written case contains the masks of the most likely mode under the published names, and every mode in modes.json.
 """
 
 from __future__ import annotations
@@ -28,13 +30,13 @@ from schemas.video import SIDES
 PROTOCOLS = ("cropped", "masks")
 IMAGE, ANNOTATION, MODES = "inpainting.png", "annotation.json", "modes.json"
 THRESHOLD = re.compile(r"\d*\.?\d+$")
-"""how the released code ends the name of a threshold's folder"""
+"""threshold at the end of a folder name, as the released code writes it"""
 DEPTH = 3
-"""names of a case from the right: video, frame, file"""
+"""path components of a case: video, frame, file"""
 
 
 class CaseFiles(NamedTuple):
-    """The files of one case by their own names."""
+    """Files of one case, by file name."""
 
     protocol: str
     video: str
@@ -43,11 +45,12 @@ class CaseFiles(NamedTuple):
 
     @property
     def where(self) -> str:
+        """Path of the case: protocol, video and frame."""
         return f"{self.protocol}/{self.video}/{self.frame}"
 
 
 def read_tree(root: Path, digest: Callable[[Path], str]) -> FileTree:
-    """The files below `root` with their content digests. SourceError for a missing folder or a link that leaves it."""
+    """Index the files below `root` with their content digests. Raises SourceError for a missing folder or a link out of it."""
     if not root.is_dir():
         raise SourceError(str(root), "a folder", "a file" if root.exists() else "nothing", "give the folder itself")
     found = entries(root)
@@ -59,7 +62,7 @@ def read_tree(root: Path, digest: Callable[[Path], str]) -> FileTree:
 
 
 def cases(files: FileTree) -> list[CaseFiles]:
-    """Every case, cropped ones first, then by video and frame. SourceError when there is none."""
+    """List all cases, cropped ones first, then by video and frame. Raises SourceError when there is none."""
     found: dict[tuple[str, str, str], dict[str, FileRef]] = {}
     for ref in files.files:
         parts = ref.name.removeprefix("data/").split("/")
@@ -73,8 +76,10 @@ def cases(files: FileTree) -> list[CaseFiles]:
 
 
 def predictions(files: FileTree, protocol: str) -> Iterator[tuple[float | None, str, str, FileRef]]:
-    """(threshold or None, <protocol>/<video>/<frame>, left or right, file) of every predicted mask; folders that do not say
-    theirs are of `protocol`. SourceError when there is none, and for a threshold folder that is no number in 0..1.
+    """Yield (threshold or None, <protocol>/<video>/<frame>, left or right, file) of every predicted mask.
+
+    A folder without a protocol in its path is of `protocol`. Raises SourceError when there is no prediction, and for a
+    threshold folder whose name does not end in a number in 0..1.
     """
     empty = True
     for ref in files.files:
@@ -83,8 +88,8 @@ def predictions(files: FileTree, protocol: str) -> Iterator[tuple[float | None, 
         if side is None or len(parts) < DEPTH:
             continue
         *above, video, frame, _ = parts
-        said = above.pop(0) if above and above[0] in PROTOCOLS else protocol
-        yield _threshold(above, ref.name), f"{said}/{video}/{frame}", side, ref
+        named = above.pop(0) if above and above[0] in PROTOCOLS else protocol
+        yield _threshold(above, ref.name), f"{named}/{video}/{frame}", side, ref
         empty = False
     if empty:
         raise SourceError(files.name, "<video>/<frame>/aff_left.png or aff_right.png", "none",
@@ -105,7 +110,7 @@ def _threshold(above: list[str], name: str) -> float | None:
 PAPER_PX = 855
 PNG = (cv2.IMWRITE_PNG_COMPRESSION, 6)
 FREE_OVERLAP = 0.5
-"""Two tasks of one picture want different places when their likeliest masks overlap less than this (IoU)."""
+"""IoU of the most likely masks below which two tasks of one image select different regions."""
 README = """# {name}
 
 {stills} tasks in {pictures} rendered pictures of {rooms} rooms, in the folders of ActAffordance. `modes.json` lists every valid
@@ -121,17 +126,17 @@ kinds of things that they speak of and the groups that they belong to:
 
 @dataclass(frozen=True)
 class StillFacts:
-    """What the whole set says about one still."""
+    """Properties of a still that depend on the whole set."""
 
     text_decides: bool
     text_tells_hands: bool
 
 
 def write_benchmark(root: Path, rooms: Sequence[Stills], name: str, margin_px: int, progress: Callable[[int, int], None]) -> None:
-    """Write both sets. ValueError when there is no still."""
+    """Write the cropped and the full cases of all rooms. Raises ValueError when there is no still."""
     total, done = sum(len(room.stills) for room in rooms), 0
     if not total:
-        raise ValueError("benchmark_set: expected at least one still, got none; ask for more rooms or layouts")
+        raise ValueError("benchmark_set: there is no still to write; plan more rooms or layouts")
     facts = _still_facts(rooms)
     listed = []
     for room in rooms:
@@ -147,18 +152,18 @@ def write_benchmark(root: Path, rooms: Sequence[Stills], name: str, margin_px: i
 
 
 def frame_name(still: Still) -> str:
-    """Seven digits, as EPIC's frames have in the published sets."""
+    """Return the frame name of a still: seven digits, as in the published sets."""
     return f"{still.number:07d}"
 
 
 def row_of(room: Stills, still: Still) -> str:
-    """The row of the report: known or new (kinds or uses that training never shows) in kitchens, workshop, desk."""
+    """Return the report row of a still: known or new (held-out kinds or uses) in kitchens, else workshop or desk."""
     return room.setting if room.setting != "kitchen" else "new" if still.new else "known"
 
 
 def _record(room: Stills, still: Still, facts: StillFacts) -> dict[str, Any]:
-    said = {"text_decides": facts.text_decides, "hands_from_image": not facts.text_tells_hands}
-    groups = [row_of(room, still), *(name for name, holds in said.items() if holds)]
+    flags = {"text_decides": facts.text_decides, "hands_from_image": not facts.text_tells_hands}
+    groups = [row_of(room, still), *(name for name, holds in flags.items() if holds)]
     return {"scene": room.setting, "groups": groups, "kinds": list(still.kinds), "picture": still.image}
 
 
@@ -192,7 +197,7 @@ def _write_still(root: Path, room: Stills, still: Still, known: dict[str, Any], 
 
 
 def _squared(plane: np.ndarray) -> np.ndarray:
-    """The plane at the bottom of a black square, as the released code pads."""
+    """Pad a plane to a square with black above it, as the released code does."""
     height, width = plane.shape[:2]
     return np.pad(plane, ((width - height, 0), *((0, 0),) * (plane.ndim - 1)))
 
@@ -220,9 +225,9 @@ def _write_mode(folder: Path, number: int, mode: Mode, place: Callable[[np.ndarr
 
 
 def _annotation(still: Still, mode: Mode) -> dict[str, Any]:
-    said = still.narration
+    narration = still.narration
     return {"taxonomy": _one_hot(mode), "obj_left": mode.objects[0] or None, "obj_right": mode.objects[1] or None,
-            "narration": said.text, "noun": said.noun, "verb": said.verb, "vector": None}
+            "narration": narration.text, "noun": narration.noun, "verb": narration.verb, "vector": None}
 
 
 def _one_hot(mode: Mode) -> list[int]:

@@ -1,15 +1,14 @@
-"""What each type of thing is used for, how the hand takes it then, and which part of it the label marks: one table.
+"""Rules of each object type and affordance: the grips that suit it, and the part that the label marks.
 
-The label of a sequence is the visible pixels, in the last frame, of the part that the affordance is about:
+The label of a sequence marks the visible pixels, in the last frame, of the part that the affordance is about:
 
-    grasp, lift   the part by which it is held: the handle, or the body (ball: upper half; flat things: the
-                  half that the hand takes)
-    push          the half of the thing at the side where the hand pushed
-    rotate        the part that is turned: neck and cap of a bottle, upper part of a can or cup, a flat thing as a whole
+    grasp, lift   the held part: the handle, or the body (ball: upper half; flat objects: the half that the hand takes)
+    push          the half of the object on the side where the hand pushed
+    rotate        the turned part: neck and cap of a bottle, upper part of a can or cup, a flat object as a whole
     squeeze       the body
     cut, hammer, paint, type    blade, head, bristles, screen
 
-Push, lift, rotate and grasp of one instance show the same thing, people and tables; what the hand does tells them apart.
+Push, lift, rotate and grasp show the same instances, people and tables, so only the motion of the hand distinguishes them.
 """
 
 from __future__ import annotations
@@ -19,25 +18,25 @@ from dataclasses import dataclass
 import numpy as np
 
 ROUNDING = 1e-3
-"""Share of the height by which a point may miss a limit: the top of a thing is its top."""
+"""Tolerance of the height limits, as a share of the object's height."""
 
 
 @dataclass(frozen=True)
 class Rule:
-    """A use of a thing: names of the grips that do (none: any), and what the label marks."""
+    """Affordance of an object type: the allowed grips (empty: any), and the region that the label marks."""
 
     grips: tuple[str, ...] = ()
     parts: tuple[str, ...] = ()
-    """names of parts; none: all"""
+    """names of the marked parts; empty for all"""
     above: float = 0.0
-    """only what is higher than this share of the thing's height"""
+    """lower limit of the marked region, as a share of the object's height"""
     below: float = 1.0
-    """only what is lower than this share"""
+    """upper limit of the marked region, as a share of the object's height"""
     near: bool = False
-    """only the half at the side of the hand"""
+    """True to mark only the half on the side of the hand"""
 
     def marks(self, points: np.ndarray, height_m: float, towards: np.ndarray) -> np.ndarray:
-        """(n,) bool of (n, 3) points of the named parts, frame of the thing; `towards` (2,) is where the hand was from its axis."""
+        """Mark points (n, 3) of the named parts, object frame; (n,) bool. `towards` (2,) points from the axis to the hand."""
         share = points[:, 2] / height_m
         return (share >= self.above - ROUNDING) & (share <= self.below + ROUNDING) & (not self.near or points[:, :2] @ towards > 0)
 
@@ -62,11 +61,11 @@ AFFORDANCE_RULES: dict[str, dict[str, Rule]] = {
 }  # fmt: skip
 SHARES = {"grasp": 0.2, "lift": 0.2, "push": 0.1, "cut": 0.0833, "rotate": 0.0833, "hammer": 0.0833, "squeeze": 0.0833,
           "paint": 0.0833, "type": 0.0833}  # fmt: skip
-"""how often each affordance is shown: the weights of the paper's weighted F measure, which are those of its data"""
+"""share of sequences of each affordance: the class weights of the paper's weighted F measure"""
 
 
 def affordance_rule(object_type: str, affordance: str) -> Rule:
-    """The row of the table; ValueError when the thing is not used so."""
+    """Return the rule of an object type and affordance. Raises ValueError when the object does not afford it."""
     if affordance not in AFFORDANCE_RULES[object_type]:
         known = ", ".join(AFFORDANCE_RULES[object_type])
         raise ValueError(f"InteractionSpec.affordance: expected one of {known} for a {object_type}, got {affordance!r}")
@@ -74,5 +73,5 @@ def affordance_rule(object_type: str, affordance: str) -> Rule:
 
 
 def types_for(affordance: str) -> tuple[str, ...]:
-    """The types of things that afford this."""
+    """Return the object types that afford this."""
     return tuple(kind for kind, uses in AFFORDANCE_RULES.items() if affordance in uses)

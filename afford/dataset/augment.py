@@ -1,7 +1,7 @@
-"""Augmentation at load time, seeded: the same (seed, epoch, index) gives the same sample, and the files stay as they are.
+"""Seeded augmentation at load time: the same (seed, epoch, index) gives the same sample.
 
-Defaults are those of 2HandedAfforder's data set (flip of the whole, crops around the object, colour jitter), which it bakes in
-unseeded. A flip also swaps the words left and right, which the released code forgets.
+Defaults are those of 2HandedAfforder's data set (flip, crops around the object, colour jitter), which stores them unseeded. A
+flip also swaps the words left and right, unlike the released code.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ GREY = np.array([0.299, 0.587, 0.114], np.float32)
 
 @dataclass(frozen=True)
 class Settings:
-    """How often, and how much."""
+    """Probabilities and ranges of the augmentations."""
 
     flip_share: float = 0.5
     """share of samples that are mirrored"""
@@ -31,7 +31,7 @@ class Settings:
     crop_margin: float = BORDER
     """border around the object's box, as a share of the longer image side"""
     crop_words: tuple[str, ...] = ("something", "things")
-    """narrations with one of these words are always cropped: only the picture tells what is meant"""
+    """narrations that contain one of these words are always cropped, because only the image shows which object is meant"""
     colour_share: float = 0.25
     """share of samples whose colours are jittered"""
     colour_range: tuple[float, float] = (0.4, 1.6)
@@ -39,7 +39,7 @@ class Settings:
 
 
 def augment(item: Item, settings: Settings, seed: int, epoch: int, index: int) -> Item:
-    """Flip, crop and recolour one sample, each by chance."""
+    """Flip, crop and recolour one sample at random."""
     rng = np.random.default_rng((seed, epoch, index))
     chance = rng.random(3)
     factors = rng.uniform(*settings.colour_range, 3)
@@ -51,7 +51,7 @@ def augment(item: Item, settings: Settings, seed: int, epoch: int, index: int) -
 
 
 def flip(item: Item) -> Item:
-    """The sample in a mirror: picture, masks, motion, sides of hands and objects, taxonomy and words. Twice is the identity."""
+    """Mirror a sample: image, masks, motion, sides of hands and objects, taxonomy and words. Two flips are the identity."""
     motion = item.motion[SWAP_PATHS].copy()
     motion[..., 0] = item.image.shape[1] - 1 - motion[..., 0]
     return replace(
@@ -69,9 +69,9 @@ def flip(item: Item) -> Item:
 
 
 def crop(item: Item, margin: float) -> Item:
-    """Zoom to the object(s) held: their box and a margin, scaled to fit, centred on black, at the size of the image.
+    """Zoom to the held objects: their box with a margin, scaled to the image size and centred on black.
 
-    A sample without an object stays as it is.
+    A sample without an object is unchanged.
     """
     height, width = item.image.shape[:2]
     things = item.masks[2] | item.masks[3]
@@ -93,7 +93,7 @@ def crop(item: Item, margin: float) -> Item:
 
 
 def recolour(image: np.ndarray, brightness: float, contrast: float, saturation: float) -> np.ndarray:
-    """(h, w, 3) uint8 -> the same with its colours scaled; factors of 1 change nothing."""
+    """Scale the colours of an image (h, w, 3) uint8; factors of 1 are the identity."""
     out = np.clip(image * np.float32(brightness), 0, 255)
     mean = np.float32((out @ GREY).mean())
     out = np.clip(mean + (out - mean) * np.float32(contrast), 0, 255)

@@ -1,4 +1,4 @@
-"""A contact sheet: a few samples of the data set with their masks drawn in, and their words below."""
+"""Contact sheet of a data set: evenly spaced samples with their masks and captions."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ COLUMNS = 3
 
 
 def evenly_spaced(total: int, wanted: int) -> list[int]:
-    """Positions of `wanted` samples, evenly over all of them."""
+    """Return `wanted` indices, evenly spaced over all samples."""
     return sorted({(2 * k + 1) * total // (2 * wanted) for k in range(wanted)}) if total > wanted else list(range(total))
 
 
 def write_sheet(path: Path, rows: Sequence[dict[str, Any]]) -> None:
-    """Write the sheet of these rows of the table as PNG."""
+    """Write the contact sheet of table rows as PNG."""
     tiles = [draw_tile(row) for row in rows]
     lines = -(-len(tiles) // COLUMNS)
     width, height = TILE_PX[0] + GAP_PX, TILE_PX[1] + BAND_PX + GAP_PX
@@ -40,7 +40,7 @@ def write_sheet(path: Path, rows: Sequence[dict[str, Any]]) -> None:
 
 
 def draw_tile(row: dict[str, Any]) -> Image.Image:
-    """One sample: affordances filled, complete objects outlined, motion as a line; left orange, right blue."""
+    """Draw one sample: affordances filled, complete objects outlined, motion as a line; left orange, right blue."""
     image = np.asarray(Image.open(io.BytesIO(row["image"]["bytes"])).convert("RGB"))
     planes = masks.decode_rle([row[f"{name}_rle"] for name in MASKS], *image.shape[:2])
     drawn = Image.new("RGB", (TILE_PX[0], TILE_PX[1] + BAND_PX), PAPER)
@@ -66,7 +66,7 @@ def draw_overlay(image: np.ndarray, planes: np.ndarray, motion: Sequence[Sequenc
 
 
 def _fit_tile(image: np.ndarray) -> Image.Image:
-    """Scaled into a tile, centred on black."""
+    """Scale an image into a tile, centred on black."""
     scale = min(TILE_PX[0] / image.shape[1], TILE_PX[1] / image.shape[0])
     size = (round(image.shape[1] * scale), round(image.shape[0] * scale))
     drawn = Image.new("RGB", TILE_PX)
@@ -86,7 +86,7 @@ def _caption(draw: ImageDraw.ImageDraw, row: dict[str, Any]) -> None:
 
 
 def _shorten(draw: ImageDraw.ImageDraw, text: str, font: ImageFont.FreeTypeFont, width: int) -> str:
-    """The text, on one line, shortened to `width` pixels."""
+    """Shorten a text to one line of `width` pixels."""
     text = " ".join(text[:400].split())
     if draw.textlength(text, font) <= width:
         return text

@@ -1,8 +1,8 @@
-"""The data set in the form that 2HandedAfforder released: one HDF5 and one JSON file per video, masks as outer contours.
+"""Export in the released format of 2HandedAfforder: one HDF5 and one JSON file per video, masks as outer contours.
 
-`<split>/h5/<start>-<end>_<video>.h5` holds images (BGR), words and one-hot taxonomy under `data`; `<split>/jsons/` holds the
-contours under the row's number. start-end is the range of the split's running index, inclusive. The format loses what outer
-contours cannot say: holes are filled.
+`<split>/h5/<start>-<end>_<video>.h5` contains images (BGR), words and one-hot taxonomy under `data`; `<split>/jsons/` contains
+the contours by row number. start-end is the inclusive range of the split's running index. Holes of masks are lost, since the
+format stores outer contours only.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ COLUMNS = ("video", "image", "taxonomy", "height", "width", *STRINGS.values(), *
 
 
 def export(dataset_root: Path, out: Path) -> list[Path]:
-    """Write every split; returns the files."""
+    """Export every split; return the files."""
     return [path for split in load.splits(dataset_root) for path in _split(dataset_root, split, out / split)]
 
 
@@ -76,31 +76,31 @@ def _outlines(row: dict[str, Any]) -> dict[str, Any]:
 
 
 def contours(mask: np.ndarray) -> list[list[list[int]]]:
-    """(h, w) bool -> outer contours, each a list of [x, y]."""
+    """Trace the outer contours of a mask (h, w) bool, each a list of [x, y]."""
     found, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
     return [np.asarray(contour, np.int32).reshape(-1, 2).tolist() for contour in found]
 
 
 def fill(outlines: list[list[list[int]]], height: int, width: int) -> np.ndarray:
-    """Contours -> (h, w) bool, as the released decoder draws them."""
+    """Fill contours as a mask (h, w) bool, like the released decoder."""
     plane = np.zeros((height, width), np.uint8)
     cv2.drawContours(plane, [np.array(outline, np.int32).reshape(-1, 1, 2) for outline in outlines], -1, 1, cv2.FILLED)
     return plane.view(bool)
 
 
 def read(folder: Path) -> Iterator[dict[str, Any]]:
-    """Samples of one split's folder, in order: `image` (h, w, 3) RGB, `masks` (4, h, w) bool, `taxonomy` one-hot, words."""
+    """Read the samples of one split: `image` (h, w, 3) RGB, `masks` (4, h, w) bool, `taxonomy` one-hot, words."""
     for path in sorted((folder / "h5").glob("*.h5"), key=lambda path: first_row(path.name)):
         yield from read_video(path, folder / "jsons" / f"{path.stem}.json")
 
 
 def first_row(name: str) -> int:
-    """Running index of the first sample of `<start>-<end>_<video>.h5`."""
+    """Return the running index of the first sample of `<start>-<end>_<video>.h5`."""
     return int(name.split("-")[0])
 
 
 def read_video(h5_path: Path, json_path: Path) -> Iterator[dict[str, Any]]:
-    """Samples of one video, in order."""
+    """Read the samples of one video, in order."""
     outlines = json.loads(json_path.read_text(encoding="utf-8"))
     with h5py.File(h5_path) as file:
         for n in range(len(file["data/inpainted"])):

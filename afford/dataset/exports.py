@@ -1,4 +1,8 @@
-"""The data set as COCO: `images/<split>/` and `annotations/<split>.json` with masks as exact run lengths, never polygons."""
+"""Exports as COCO and as WebDataset.
+
+COCO: `images/<split>/` and `annotations/<split>.json`, with masks as exact run lengths. WebDataset: tar shards with `<n>.jpg`,
+`<n>.mask_left.png`, ..., `<n>.json` for each sample.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +30,7 @@ COCO_COLUMNS = ("image", "width", "height", "taxonomy", *COCO_FACTS,
 
 
 def export_coco(dataset_root: Path, out: Path) -> list[Path]:
-    """Write every split; returns the files."""
+    """Export every split as COCO; return the files."""
     return [path for split in load.splits(dataset_root) for path in _coco_split(dataset_root, split, out)]
 
 
@@ -51,7 +55,7 @@ def _image(row: dict[str, Any], number: int, file_name: str) -> dict[str, Any]:
 
 
 def _annotations(row: dict[str, Any], image: int, first: int) -> list[dict[str, Any]]:
-    """One per mask that is not empty."""
+    """Return one annotation per non-empty mask."""
     kinds = [(category, name) for category, name in enumerate(MASKS, 1) if row[f"{name}_area"]]
     return [
         {"id": first + n, "image_id": image, "category_id": category, "iscrowd": 0, "area": row[f"{name}_area"],
@@ -81,7 +85,7 @@ TAR_COLUMNS = (*TAR_FACTS, "image", "taxonomy", "motion", *MASKS)
 
 
 def export_webdataset(dataset_root: Path, out: Path) -> list[Path]:
-    """Write every split; returns the files."""
+    """Export every split as WebDataset shards; return the files."""
     out.mkdir(parents=True, exist_ok=True)
     return [path for split in load.splits(dataset_root) for path in _tar_split(dataset_root, split, out)]
 
@@ -107,12 +111,12 @@ def _add(tar: tarfile.TarFile, key: str, row: dict[str, Any]) -> None:
 
 
 def _without_nan(motion: dict[str, list[list[float]]]) -> dict[str, list[list[float] | None]]:
-    """JSON has no NaN: a point out of sight is null."""
+    """Replace points out of sight (NaN) by null, since JSON has no NaN."""
     return {name: [None if x != x or y != y else [x, y] for x, y in path] for name, path in motion.items()}
 
 
 def _add_file(tar: tarfile.TarFile, name: str, data: bytes) -> None:
-    """Owner, time and mode are those of a new TarInfo: fixed."""
+    """Add a file with the fixed owner, time and mode of a new TarInfo."""
     info = tarfile.TarInfo(name)
     info.size = len(data)
     tar.addfile(info, io.BytesIO(data))

@@ -1,4 +1,4 @@
-"""How each hand and its object move on in the image after a sample: centroids of their masks at equal steps of time."""
+"""Samples of one extracted clip: selection of frames, and the image, masks, narration and motion of each sample."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ NS_PER_S = 1_000_000_000
 
 
 def mask_centroid(mask: np.ndarray) -> np.ndarray:
-    """(h, w) bool -> (2,) float32 x, y of the mean pixel; NaN for an empty mask."""
+    """Return the centroid (2,) float32 x, y of a mask (h, w) bool; NaN for an empty mask."""
     columns, rows = mask.sum(0), mask.sum(1)
     count = columns.sum()
     if not count:
@@ -27,10 +27,10 @@ def mask_centroid(mask: np.ndarray) -> np.ndarray:
 
 
 class MotionPaths:
-    """Paths of one clip's hands (visible masks) and objects (complete masks); every centroid is computed once.
+    """Image paths of a clip's hands (visible masks) and objects (complete masks), from cached mask centroids.
 
-    A step takes the frame nearest in time, at most half a step away; without one (clip at its end, sparse frames, entity out
-    of sight) the point is NaN. Points are in the image of their own frame: the camera's motion is part of the path.
+    A step takes the frame nearest in time, at most half a step away. The point is NaN when there is no such frame (end of the
+    clip, sparse frames, entity out of sight). Points are in the image of their own frame, so the paths include camera motion.
     """
 
     def __init__(self, tracks: Tracks, complete: CompleteObjects, time_ns: np.ndarray, motion_s: float, steps: int) -> None:
@@ -44,7 +44,7 @@ class MotionPaths:
         self.centroid = cache(lambda entity_id, t: mask_centroid(masks[entity_id][t]))
 
     def rows_after(self, t: int) -> list[int]:
-        """Row of the frame nearest to each step after row t, -1 where none is near enough."""
+        """Return the row of the frame nearest to each step after row t, -1 where none is near enough."""
         wanted = self.time_ns[t] + self.steps_ns
         right = np.searchsorted(self.time_ns, wanted).clip(0, self.time_ns.size - 1)
         left = (right - 1).clip(0)
@@ -53,7 +53,7 @@ class MotionPaths:
         return np.where(far, -1, nearest).tolist()
 
     def after(self, t: int, object_ids: list[str]) -> np.ndarray:
-        """(4, steps, 2) float32 px: left hand, right hand, then the given left and right objects ('' for none)."""
+        """Return the paths (4, steps, 2) float32 px of left hand, right hand, left object and right object ('' for none)."""
         rows = self.rows_after(t)
         path = np.full((4, len(rows), 2), np.nan, np.float32)
         for n, entity_id in enumerate(["left hand", "right hand", *object_ids]):
@@ -66,7 +66,7 @@ class MotionPaths:
 
 @dataclass(frozen=True)
 class Extraction:
-    """Everything that the extraction stages made of one clip; row t means the same frame in all of it."""
+    """Outputs of the extraction stages for one clip; row t is the same frame in all of them."""
 
     clip: Clip
     frames: Frames
@@ -77,7 +77,7 @@ class Extraction:
     labels: FrameLabels
 
     def check(self) -> None:
-        """ValueError when two parts speak of different frames, or an object that is held has no complete mask."""
+        """Raise ValueError when two outputs have different frames, or a held object has no complete mask."""
         for part in (self.inpainted, self.tracks, self.complete, self.affordances):
             if not np.array_equal(part.frame, self.frames.frame):
                 raise ValueError(
@@ -91,7 +91,7 @@ class Extraction:
 
 @dataclass(frozen=True)
 class SamplingRule:
-    """Which accepted frames become samples; 0 switches a limit off."""
+    """Limits on the accepted frames that become samples; 0 disables a limit."""
 
     stride_frames: int
     max_key_distance: int
@@ -99,7 +99,7 @@ class SamplingRule:
 
 
 def select_frames(x: Extraction, choice: SamplingRule) -> tuple[list[int], Counter[str]]:
-    """Rows t that give samples, and for every other frame the first reason why it does not."""
+    """Return the rows that become samples, and counts of the first rejection reason of all other frames."""
     reasons: Counter[str] = Counter()
     rows: list[int] = []
     labelled = set(x.labels.frame.tolist())
@@ -126,7 +126,8 @@ def _reason(x: Extraction, choice: SamplingRule, t: int, labelled: bool) -> str:
 
 
 def key_frame_of(x: Extraction, t: int) -> tuple[int, int]:
-    """(key frame, distance in frames) of the mask of row t that is farthest from its key frame; (-1, 0) when unknown."""
+    """Return (key frame, distance in frames) of the active mask of row t that is farthest from its key frame; (-1, 0) if unknown.
+    """
     entities = [entity.entity_id for entity in x.tracks.entities]
     used = [entities.index(name) for name in _active_entities(x, t) if name in entities]
     known = [n for n in used if x.tracks.distance[n, t] >= 0]
@@ -145,7 +146,7 @@ def _active_entities(x: Extraction, t: int) -> Iterator[str]:
 
 
 def samples(x: Extraction, rows: list[int], paths: MotionPaths, jpeg_quality: int) -> Iterator[Sample]:
-    """The samples of the chosen rows: one per narration of the frame (one, but for the policy `all`)."""
+    """Yield the samples of the selected rows, one per narration of the frame."""
     for t in rows:
         narrations = _narrations(x.labels, int(x.frames.frame[t]))
         for narration in narrations:
@@ -186,7 +187,7 @@ def _entity_id(x: Extraction, side: int, t: int) -> str:
 
 
 def _objects(x: Extraction, t: int) -> tuple[list[str], np.ndarray]:
-    """Names ('' for none) and complete masks (2, h, w) of what the left and the right hand hold."""
+    """Return the names ('' for none) and complete masks (2, h, w) of the objects held by the left and the right hand."""
     names, masks = ["", ""], np.zeros((2, *x.frames.rgb.shape[1:3]), bool)
     complete = {entity.entity_id: n for n, entity in enumerate(x.complete.entities)}
     for side in range(2):
@@ -204,7 +205,7 @@ def _confidence(inpainted: Inpainted, t: int) -> float:
 
 
 def as_samples(x: Extraction, made: list[Sample], reasons: Counter[str]) -> Samples:
-    """The samples of a clip as one value."""
+    """Collect the samples of a clip in a Samples value."""
     height, width = x.frames.rgb.shape[1:3]
     return Samples(x.clip.clip_id, x.clip.video_id, x.clip.participant_id, x.clip.split, width, height,
                    tuple(made), tuple(sorted(reasons.items())))

@@ -1,10 +1,10 @@
-"""The data set, read back: shards -> samples as arrays; with `collate`, batches of a `torch.utils.data.DataLoader`."""
+"""Reader of a packed data set: samples as arrays, and batches of a `torch.utils.data.DataLoader` with `collate`."""
 
 from __future__ import annotations
 
 import json
 from bisect import bisect_right
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import lru_cache
 from itertools import accumulate
@@ -26,8 +26,8 @@ NEEDED = (*WORDS, *NUMBERS, "image", "motion", "motion_time_ns", *MASKS)
 
 
 @dataclass(frozen=True)
-class Item:
-    """One sample, decoded."""
+class Item(Mapping[str, Any]):
+    """Decoded sample, also a mapping of its fields, as torch's default collate function requires."""
 
     sample_id: str
     video: str
@@ -44,17 +44,31 @@ class Item:
     object_left: str
     object_right: str
     taxonomy: int
-    """0 left, 1 right, 2 both on the same object, 3 both on different ones"""
+    """0 left, 1 right, 2 both on one object, 3 both on different objects"""
     quality: float
     motion: np.ndarray
     """(4, s, 2) float32 px: left hand, right hand, left object, right object; NaN out of sight"""
     motion_time_ns: np.ndarray
-    """(s,) int64, after the sample"""
+    """(s,) int64, time after the sample in ns"""
+
+    def __getitem__(self, name: str) -> Any:
+        """Return the field of this name; KeyError for an unknown name."""
+        if name not in self.__dataclass_fields__:
+            raise KeyError(name)
+        return getattr(self, name)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.__dataclass_fields__)
+
+    def __len__(self) -> int:
+        return len(self.__dataclass_fields__)
 
 
 def collate(items: Sequence[Item]) -> dict[str, Any]:
-    """A batch, for `DataLoader(Dataset(folder), collate_fn=collate)`: field of Item -> tensor (b, ...) of its arrays or numbers, or
-    list of its words. ValueError where arrays differ in shape.
+    """Collate samples for `DataLoader(Dataset(folder), collate_fn=collate)`.
+
+    Returns a tensor (b, ...) for each array or number of Item, and a list for each string. Raises ValueError where arrays
+    differ in shape.
     """
     import torch
 
@@ -69,7 +83,7 @@ def collate(items: Sequence[Item]) -> dict[str, Any]:
 
 
 def splits(root: Path | str) -> list[str]:
-    """Names of the splits, `train` before `val` before `test`, then others. ValueError when there is none."""
+    """Return the names of the splits: train, val, test, then others. Raises ValueError when there is none."""
     root = Path(root)
     names = {path.name.rsplit("-", 3)[0] for path in (root / "data").glob("*-of-*.parquet")}
     if not names:
@@ -79,7 +93,7 @@ def splits(root: Path | str) -> list[str]:
 
 
 def shards(root: Path | str, split: str) -> list[Path]:
-    """The Parquet files of one split. ValueError when there is none."""
+    """Return the Parquet files of one split. Raises ValueError when there is none."""
     root = Path(root)
     if split not in splits(root):
         raise ValueError(f"{root.name}/data: expected {split}-*.parquet, found the splits {', '.join(splits(root))}")
@@ -87,7 +101,10 @@ def shards(root: Path | str, split: str) -> list[Path]:
 
 
 def rows(root: Path, split: str, columns: Sequence[str]) -> Iterator[dict[str, Any]]:
-    """Rows of the table as they are written (images as bytes), in order; one row group in memory. SourceError for a damaged one."""
+    """Yield the stored rows of a split in order (images as bytes), one row group in memory at a time.
+
+    Raises SourceError for a damaged row group.
+    """
     for path in shards(root, split):
         for group in range(_groups(path)):
             with damage_as_error(path):
@@ -101,7 +118,10 @@ def _groups(path: Path) -> int:
 
 
 class Dataset(Sequence[Item]):
-    """One split. Indexing decodes one sample; iterating reads the shards in order. SourceError when a shard is damaged."""
+    """One split of a data set as a sequence of samples.
+
+    Indexing decodes one sample; iterating reads the shards in order. Raises SourceError when a shard is damaged.
+    """
 
     def __init__(self, root: Path | str, split: str = "train") -> None:
         self.files = shards(root, split)
@@ -116,7 +136,7 @@ class Dataset(Sequence[Item]):
         return self.ends[-1] if self.ends else 0
 
     def __getitem__(self, index: Any) -> Any:
-        """Sample `index`; negative ones count from the end."""
+        """Return sample `index`; negative indices count from the end."""
         at = index + len(self) if index < 0 else index
         if not 0 <= at < len(self):
             raise IndexError(f"sample {index}: the split has {len(self)}")
@@ -136,7 +156,7 @@ class Dataset(Sequence[Item]):
         self._group = lru_cache(maxsize=4)(self._read)
 
     def class_names(self, column: str) -> list[str]:
-        """Names behind the labels of `verb_class`, `noun_class`, `taxonomy` or `taxonomy3`."""
+        """Return the names of the labels of `verb_class`, `noun_class`, `taxonomy` or `taxonomy3`."""
         return self.features[column]["names"]
 
     def _read(self, group: int) -> _Group:
@@ -147,13 +167,13 @@ class Dataset(Sequence[Item]):
 
 
 def _lengths(path: Path) -> list[int]:
-    """Rows of each row group of a shard."""
+    """Return the number of rows of each row group of a shard."""
     with open_shard(path) as file:
         return [file.metadata.row_group(group).num_rows for group in range(file.num_row_groups)]
 
 
 class _Group:
-    """A row group, its columns unpacked, its pictures not yet decoded."""
+    """Row group with its columns unpacked; images are decoded on access."""
 
     def __init__(self, path: Path, table: pa.Table) -> None:
         self.path = path
@@ -161,12 +181,12 @@ class _Group:
         self.plain = {name: table[name].to_pylist() for name in (*WORDS, *NUMBERS)}
         self.jpeg = table["image"].chunk(0).field("bytes")
         self.png = [table[name].chunk(0).field("bytes") for name in MASKS]
-        self.times = _block(table["motion_time_ns"].chunk(0), self.size)
+        self.times = np.array(_block(table["motion_time_ns"].chunk(0), self.size))  # a writable copy, as torch requires
         motion = table["motion"].chunk(0)
         self.motion = np.stack([_block(motion.field(name), self.size, 2) for name in PATHS], axis=1)
 
     def item(self, n: int) -> Item:
-        """Sample `n`, decoded; SourceError when a picture of it is damaged."""
+        """Decode sample `n`. Raises SourceError when one of its images is damaged."""
         with damage_as_error(self.path):
             return self._item(n)
 
@@ -176,13 +196,13 @@ class _Group:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR_RGB)
         planes = np.stack([masks.decode_png(png[n].as_py()) for png in self.png])
         if image is None or planes.shape[1:] != image.shape[:2]:
-            raise ValueError(f"{self.plain['sample_id'][n]}: column `image` is no JPEG, or none of the size of its masks")
+            raise ValueError(f"{self.plain['sample_id'][n]}: column `image` is not a JPEG of the size of its masks")
         return Item(image=image, masks=planes, motion=self.motion[n], motion_time_ns=self.times[n],
                     **{name: found[n] for name, found in self.plain.items()})
 
 
 def _block(lists: Any, size: int, *last: int) -> np.ndarray:
-    """Nested lists of equal length -> (size, s, *last)."""
+    """Convert nested lists of equal length to an array (size, s, *last)."""
     while pa.types.is_list(lists.type):
         lists = lists.flatten()
     return lists.to_numpy(zero_copy_only=False).reshape(size, -1, *last)

@@ -1,4 +1,4 @@
-"""Masks as COCO run lengths (exact, 130 bytes) and as 1-bit PNG (exact, visible in any viewer)."""
+"""Lossless mask encodings: compressed COCO run lengths (about 130 bytes) and 1-bit PNG."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ ONE_BIT_GREY = bytes((1, 0, 0, 0, 0))
 FILTER_UP = 2
 ZLIB_LEVEL = 3
 BODY_AT = 41
-"""where the compressed lines begin: behind the signature, the header and the head of the one data chunk"""
+"""offset of the compressed rows: after the signature, the header and the head of the single data chunk"""
 
 
 def encode_rle(masks: np.ndarray) -> list[bytes]:
-    """(n, h, w) bool -> n compressed COCO counts."""
+    """Encode masks (n, h, w) bool as n compressed COCO counts."""
     return [_encode_rle(mask) if mask.any() else empty_rle(*mask.shape) for mask in masks]
 
 
 @lru_cache(maxsize=16)
 def empty_rle(height: int, width: int) -> bytes:
-    """The run lengths of a mask without a pixel; most samples have two."""
+    """Return the run lengths of an empty mask. Most samples contain two."""
     return _encode_rle(np.zeros((height, width), bool))
 
 
@@ -37,18 +37,18 @@ def _encode_rle(mask: np.ndarray) -> bytes:
 
 
 def decode_rle(counts: Sequence[bytes | str], height: int, width: int) -> np.ndarray:
-    """n compressed COCO counts -> (n, h, w) bool."""
+    """Decode n compressed COCO counts to masks (n, h, w) bool."""
     planes = coco.decode(_rles(counts, height, width))
     return np.ascontiguousarray(planes.transpose(2, 0, 1)).view(bool)
 
 
 def boxes(counts: Sequence[bytes | str], height: int, width: int) -> list[list[int]]:
-    """[x, y, width, height] in px of each mask, zeros for an empty one."""
+    """Return the box [x, y, width, height] in px of each mask, zeros for an empty one."""
     return coco.toBbox(_rles(counts, height, width)).astype(int).tolist()
 
 
 def areas(counts: Sequence[bytes | str], height: int, width: int) -> list[int]:
-    """Pixels of each mask."""
+    """Return the number of pixels of each mask."""
     return coco.area(_rles(counts, height, width)).tolist()
 
 
@@ -57,13 +57,13 @@ def _rles(counts: Sequence[bytes | str], height: int, width: int) -> list[dict]:
 
 
 def encode_png(mask: np.ndarray) -> bytes:
-    """(h, w) bool -> a 1-bit grey PNG."""
+    """Encode a mask (h, w) bool as a 1-bit grey PNG."""
     return _pack_png(mask) if mask.any() else empty_png(*mask.shape)
 
 
 @lru_cache(maxsize=16)
 def empty_png(height: int, width: int) -> bytes:
-    """The PNG of a mask without a pixel; most samples have two."""
+    """Return the PNG of an empty mask. Most samples contain two."""
     return _pack_png(np.zeros((height, width), bool))
 
 
@@ -78,11 +78,13 @@ def _pack_png(mask: np.ndarray) -> bytes:
 
 
 def decode_png(data: bytes) -> np.ndarray:
-    """A grey PNG -> (h, w) bool, True where it is not black. Files of `encode_png` take a tenth of the time of others. ValueError
-    when it is none, and, before it is decoded, for one of more than MAX_PIXELS.
+    """Decode a grey PNG to a mask (h, w) bool, True where it is not black.
+
+    Files of `encode_png` take a tenth of the time of other files. Raises ValueError for bytes that are not a PNG, and, before
+    decoding, for one with more than MAX_PIXELS.
     """
     if not data.startswith(PNG_SIGNATURE) or len(data) < BODY_AT:
-        raise ValueError(f"mask: expected a PNG, got {len(data)} bytes that are none")
+        raise ValueError(f"mask: {len(data)} bytes are not a PNG")
     width, height = struct.unpack(">II", data[16:24])
     if not 0 < width * height <= MAX_PIXELS:
         raise ValueError(f"mask: expected a PNG of at most {MAX_PIXELS / 1e6:g} megapixels, got {width} x {height}")
@@ -102,18 +104,18 @@ def _decoded(data: bytes) -> np.ndarray:
     except cv2.error:
         grey = None
     if grey is None:
-        raise ValueError(f"mask: expected a PNG, got {len(data)} bytes that cannot be decoded")
+        raise ValueError(f"mask: PNG of {len(data)} bytes cannot be decoded")
     return np.asarray(grey > 0)
 
 
 def _own_lines(data: bytes, height: int, width: int) -> np.ndarray | None:
-    """The filtered lines, (h, 1 + bytes a line), of a file of `encode_png`; None for a file of others."""
+    """Return the filtered rows (h, 1 + bytes per row) of a file of `encode_png`; None for other files."""
     if data[24:29] != ONE_BIT_GREY or data[37:41] != b"IDAT":
         return None
     size = height * (1 + -(-width // 8))
     try:
         lines = np.frombuffer(zlib.decompressobj().decompress(data[BODY_AT:], size + 1), np.uint8)
-    except zlib.error:  # lines in several chunks, of others; a damaged file is none for OpenCV either
+    except zlib.error:  # a foreign file with several data chunks, or a damaged one, which OpenCV rejects as well
         return None
     if lines.size != size or (lines[:: lines.size // height] != FILTER_UP).any():
         return None

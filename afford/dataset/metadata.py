@@ -1,4 +1,8 @@
-"""The licence of a data set: what its videos allow, and never more."""
+"""Metadata of a data set: licence, README.md (Hugging Face dataset card) and croissant.json (MLCommons Croissant 1.0).
+
+The YAML header of the card makes `load_dataset(folder)` work. Croissant describes the files and columns for search engines and
+loaders.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +16,7 @@ from afford.dataset.table_schema import Column, Feature
 
 EPIC_LICENCE = "cc-by-nc-4.0"
 UNKNOWN_LICENCE = "other"
-"""the Hub's word for a licence that is written out"""
+"""the Hub's identifier of a custom licence"""
 LICENCE_NOTES = {
     EPIC_LICENCE: "Whatever is derived from EPIC-KITCHENS or VISOR is under CC BY-NC 4.0, as they are: "
           "name the authors, no commercial use.",
@@ -24,9 +28,9 @@ LICENCE_NOTES = {
 
 
 def licence_of(videos: Iterable[str], stated: str) -> str:
-    """Licence id for a data set made of these videos; `stated` may be '' when nobody said anything.
+    """Return the licence id of a data set made of these videos; `stated` is '' when no licence was given.
 
-    ValueError when a video of EPIC-KITCHENS (P01 to P37) is among them and another licence than EPIC's is stated.
+    Raises ValueError when a video of EPIC-KITCHENS (P01 to P37) is among them and `stated` is another licence than EPIC's.
     """
     epic = next((video for video in sorted(videos) if EPIC_ID.fullmatch(video)), "")
     if epic and stated not in ("", EPIC_LICENCE):
@@ -45,12 +49,12 @@ Rendered by afford: things on a table, seen without hands, with exact labels (af
 same side). Hands are posed by geometry and by how comfortably an arm reaches; of several valid ways each sample shows one, so
 the same picture and text may come with different masks. There is one point of motion, the sample's own.""",
 }
-"""How the samples came to be, as the card says it."""
+"""Origin of the samples, as the card describes it."""
 SIZES = ((1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000_000, "100K<n<1M"))
 
 
 def dataset_card(name: str, licence: str, statistics: dict[str, Any], columns: Iterable[Column], made: str) -> str:
-    """The whole card. ValueError when `made` is none of `MADE`."""
+    """Return the dataset card. Raises ValueError when `made` is not a key of `METHODS`."""
     if made not in METHODS:
         raise ValueError(f"dataset_pack.made: expected one of {', '.join(METHODS)}, got {made!r}")
     parts = (_header(name, licence, statistics), _body(name, licence, statistics, METHODS[made]), column_table(columns), "")
@@ -109,13 +113,13 @@ Numbers and distributions: `statistics.json`, `plots/`. Digests of all files: `m
 
 
 def column_table(columns: Iterable[Column]) -> str:
-    """A Markdown table of the columns."""
+    """Return a Markdown table of the columns."""
     lines = [f"| `{column.name}` | {feature_name(column)} | {column.doc} |" for column in columns]
     return "\n".join(["| column | feature | meaning |", "|---|---|---|", *lines])
 
 
 def feature_name(column: Column) -> str:
-    """Short name of a column's feature."""
+    """Return the short name of a column's feature."""
     return _feature_name(column.feature)
 
 
@@ -154,7 +158,7 @@ SHARDS = {"@type": "cr:FileSet", "@id": "shards", "name": "shards", "encodingFor
 def croissant(
     name: str, licence: str, version: str, columns: Iterable[Column], root: Path, shards: Sequence[str]
 ) -> dict[str, Any]:
-    """The whole description; `shards` are the Parquet files, relative to `root`."""
+    """Return the Croissant description; `shards` are the Parquet files, relative to `root`."""
     return {
         "@context": PREFIXES | {term: f"cr:{term}" for term in TERMS},
         "@type": "sc:Dataset",
@@ -176,7 +180,7 @@ def _file_object(root: Path, shard: str) -> dict[str, Any]:
 
 
 def _fields(column: Column) -> list[dict[str, Any]]:
-    """One field for a column, one per member for a struct."""
+    """Return one field per column, and one per member of a struct."""
     if column.feature.get("_type") == "Image":
         return [_field(column.name, column, column.feature, "bytes")]
     if "_type" in column.feature:

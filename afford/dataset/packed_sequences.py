@@ -1,4 +1,4 @@
-"""Interactions as files that a training reads at random: one safetensors file for each sequence, `<split>/<name>.safetensors`."""
+"""RGB-D sequences packed for random access by training: one safetensors file each, `<split>/<name>.safetensors`."""
 
 from __future__ import annotations
 
@@ -15,32 +15,32 @@ from schemas.interaction import AFFORDANCES, BACKGROUND, ActionClip, Interaction
 
 WORDS = "words"
 DEPTH_PER_M = 1e4
-"""depth is kept in tenths of a millimetre, up to 6.5 m"""
+"""units per metre of stored depth: tenths of a millimetre, up to 6.5 m"""
 FLOWS = {"2d": "flow_2d", "3d": "flow_3d"}
 
 
 @dataclass(frozen=True)
 class PackedSequence:
-    """One sequence as it was packed."""
+    """Packed sequence, decoded."""
 
     name: str
     object_type: str
     affordance: str
-    """or the action, in a set of actions"""
+    """affordance, or action in a set of actions"""
     rgb: np.ndarray
     """(t, h, w, 3) uint8"""
     depth_m: np.ndarray
     """(t, h, w) float32, 0 = hole"""
     flow: np.ndarray
-    """(t - 1, h, w, 3) uint8 colours of motion; (0, h, w, 3) where none was asked for"""
+    """(t - 1, h, w, 3) uint8 flow colours; (0, h, w, 3) when no flow was requested"""
     still: np.ndarray
-    """(3,) uint8: no motion"""
+    """(3,) uint8 colour of zero motion"""
     label: np.ndarray
-    """(h, w) uint8 of the last frame"""
+    """(h, w) uint8 label of the last frame"""
 
 
 def pack_sequence(root: Path, clip: InteractionClip, flow: SceneFlow) -> None:
-    """One sequence. ValueError when the flow is another clip's."""
+    """Pack one sequence. Raises ValueError when the flow belongs to another clip."""
     if clip.name != flow.name or len(flow.colour) != len(clip.rgb) - 1:
         raise ValueError(f"{clip.name}: expected its own scene flow with {len(clip.rgb) - 1} pairs, got {flow.name} with "
                          f"{len(flow.colour)}")
@@ -49,7 +49,7 @@ def pack_sequence(root: Path, clip: InteractionClip, flow: SceneFlow) -> None:
 
 
 def pack_action(root: Path, clip: ActionClip, split: str) -> None:
-    """A clip of an action, which has neither flow nor label."""
+    """Pack one clip of an action, which has neither flow nor label."""
     none, label = np.zeros((0, *clip.rgb.shape[1:]), np.uint8), np.full(clip.rgb.shape[1:3], BACKGROUND, np.uint8)
     words = {"name": clip.name, "object_type": "", "affordance": clip.action}
     _save(root / split, words, clip.rgb, clip.depth_m, none, none, np.zeros(6, np.uint8), label)
@@ -64,35 +64,35 @@ def _save(folder: Path, words: dict[str, str], rgb: np.ndarray, depth_m: np.ndar
 
 
 def read_sequence(path: Path, flow: str) -> PackedSequence:
-    """A sequence with its flow `2d`, `3d` or `none`. ValueError for a file that is none."""
+    """Read a sequence with its flow `2d`, `3d` or `none`. Raises ValueError for another file."""
     try:
         with safe_open(path, framework="numpy") as file:
             words = json.loads(file.metadata()[WORDS])
             rgb, depth, still, label = (file.get_tensor(name) for name in ("rgb", "depth", "still", "label"))
             colour = file.get_tensor(FLOWS[flow]) if flow in FLOWS else np.zeros((0, *rgb.shape[1:]), np.uint8)
     except (SafetensorError, KeyError, TypeError, OSError) as error:
-        raise ValueError(f"{path.name}: expected a sequence that interaction_pack wrote, got something else ({error})") from error
+        raise ValueError(f"{path.name}: not a sequence that interaction_pack wrote ({error})") from error
     part = still[3:] if flow == "2d" else still[:3]
     depth_m = (depth / DEPTH_PER_M).astype(np.float32)
     return PackedSequence(words["name"], words["object_type"], words["affordance"], rgb, depth_m, colour, part, label)
 
 
 def read_classes(path: Path) -> tuple[str, str]:
-    """(object type, affordance) of a packed sequence, from its header alone."""
+    """Read (object type, affordance) of a packed sequence from its header alone."""
     with safe_open(path, framework="numpy") as file:
         words = json.loads(file.metadata()[WORDS])
     return words["object_type"], words["affordance"]
 
 
 def read_label(path: Path) -> np.ndarray:
-    """(h, w) uint8 of the last frame of a packed sequence, without the rest."""
+    """Read the label (h, w) uint8 of the last frame of a packed sequence."""
     with safe_open(path, framework="numpy") as file:
         found: np.ndarray = file.get_tensor("label")
     return found
 
 
 def split_files(files: Mapping[str, Path], split: str) -> list[Path]:
-    """The sequences of a split, by name. ValueError when there is none."""
+    """Return the sequences of a split, sorted by name. Raises ValueError when there is none."""
     found = [files[name] for name in sorted(files) if name.startswith(f"{split}/") and name.endswith(".safetensors")]
     if not found:
         raise ValueError(f"data set: expected sequences {split}/*.safetensors, found none; pack clips of train and val")
@@ -100,7 +100,7 @@ def split_files(files: Mapping[str, Path], split: str) -> list[Path]:
 
 
 def affordance_index(affordance: str) -> int:
-    """Its class, 0..8. ValueError for an unknown one."""
+    """Return the class of an affordance, 0..8. Raises ValueError for an unknown one."""
     if affordance not in AFFORDANCES:
         raise ValueError(f"affordance: expected one of {', '.join(AFFORDANCES)}, got {affordance!r}")
     return AFFORDANCES.index(affordance)

@@ -1,4 +1,8 @@
-"""Which video belongs to which split. A video, or a participant, is never in two."""
+"""Packing of samples into a data set folder, in two passes: plan classes and splits, then stream the rows into shards.
+
+Clips are taken by index and their samples are iterated one at a time, so memory use does not grow with the data set. A video,
+or a participant, is in one split only.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +24,7 @@ from schemas.affordance import Samples
 
 @dataclass(frozen=True)
 class SplitRule:
-    """How splits are made where the source has none."""
+    """Rule of the split where the source has none."""
 
     by: str
     val_fraction: float
@@ -36,19 +40,19 @@ class SplitRule:
 
 
 def assign_splits(clips: Iterable[Samples], rule: SplitRule) -> dict[str, str]:
-    """Split of every video id: the source's when it names one for every video, else by a seeded hash of the group.
+    """Assign a split to every video id: the source's when it names one for every video, else by a seeded hash of the group.
 
-    The hash decides for each group alone, so a video keeps its split when others come or go. When none would be left to
-    train on, the group with the largest hash is.
+    The hash decides for each group independently, so a video keeps its split when others are added or removed. When no group is
+    in train, the group with the largest hash moves there.
     """
-    said: dict[str, str] = {}
+    stated: dict[str, str] = {}
     groups: dict[str, str] = {}
     for clip in clips:
         groups[clip.video_id] = clip.video_id if rule.by == "video" else clip.participant_id
-        if said.setdefault(clip.video_id, clip.split) != clip.split:
-            raise ValueError(f"{clip.video_id}: its clips are in the splits {said[clip.video_id]!r} and {clip.split!r}; "
+        if stated.setdefault(clip.video_id, clip.split) != clip.split:
+            raise ValueError(f"{clip.video_id}: its clips are in the splits {stated[clip.video_id]!r} and {clip.split!r}; "
                              "a video belongs to one split, correct the source")
-    return said if all(said.values()) else _by_hash(groups, rule)
+    return stated if all(stated.values()) else _by_hash(groups, rule)
 
 
 def _by_hash(groups: dict[str, str], rule: SplitRule) -> dict[str, str]:
@@ -60,7 +64,7 @@ def _by_hash(groups: dict[str, str], rule: SplitRule) -> dict[str, str]:
 
 
 def _hash_position(seed: int, group: str) -> float:
-    """Uniform in [0, 1)."""
+    """Hash a group uniformly to [0, 1)."""
     return int.from_bytes(blake3(f"{seed}:{group}".encode()).digest(7), "big") / 2.0**56
 
 
@@ -75,81 +79,79 @@ SPLITS = ("train", "val", "test")
 
 @dataclass(frozen=True)
 class ClipSummary:
-    """What the first pass keeps of a clip."""
+    """Summary of a clip from the first pass."""
 
     index: int
     clip: Samples
     """the clip without its samples"""
     ids: tuple[str, ...]
     frames: tuple[int, ...]
-    """frame of every sample of the clip"""
+    """frame number of every sample of the clip"""
     verbs: frozenset[tuple[str, int]]
     nouns: frozenset[tuple[str, int]]
 
 
 @dataclass(frozen=True)
 class PackPlan:
-    """What the first pass finds out: the classes, and which clips go into which split."""
+    """Result of the first pass: the classes, and the split of every video."""
 
-    heads: tuple[ClipSummary, ...]
-    """by video and clip"""
+    summaries: tuple[ClipSummary, ...]
+    """sorted by video and clip"""
     verbs: table_schema.Classes
     nouns: table_schema.Classes
     split: dict[str, str]
     samples: Counter[str]
-    """samples per split"""
+    """number of samples of each split"""
 
     def splits(self) -> list[str]:
-        """The splits that have samples, in the usual order, others after them."""
+        """Return the splits that have samples: train, val, test, then others."""
         known = [name for name in SPLITS if name in self.samples]
         return known + sorted(set(self.samples) - set(SPLITS))
 
 
 def plan_pack(clips: Sequence[Samples], rule: SplitRule) -> PackPlan:
-    """First pass. ValueError when there is no sample, or when two have the same id."""
+    """Run the first pass. Raises ValueError when there is no sample, or two samples have the same id."""
     found = (_summarize(index, clip) for index, clip in enumerate(clips))
-    heads = tuple(_drop_shared_frames(sorted(found, key=lambda head: (head.clip.video_id, head.clip.clip_id))))
-    split = assign_splits((head.clip for head in heads), rule)
+    summaries = tuple(_drop_shared_frames(sorted(found, key=lambda summary: (summary.clip.video_id, summary.clip.clip_id))))
+    split = assign_splits((summary.clip for summary in summaries), rule)
     samples: Counter[str] = Counter()
-    for head in heads:
-        samples[split[head.clip.video_id]] += len(head.ids)
+    for summary in summaries:
+        samples[split[summary.clip.video_id]] += len(summary.ids)
     if not samples.total():
-        raise ValueError(f"no clip gives a sample, so there is no data set to write; {_rejection_summary(heads)}")
-    _check_ids(heads)
-    verbs = table_schema.collect_classes(pair for head in heads for pair in head.verbs)
-    nouns = table_schema.collect_classes(pair for head in heads for pair in head.nouns)
-    return PackPlan(heads, verbs, nouns, split, +samples)
+        raise ValueError(f"no clip gives a sample, so there is no data set to write; {_rejection_summary(summaries)}")
+    _check_ids(summaries)
+    verbs = table_schema.collect_classes(pair for summary in summaries for pair in summary.verbs)
+    nouns = table_schema.collect_classes(pair for summary in summaries for pair in summary.nouns)
+    return PackPlan(summaries, verbs, nouns, split, +samples)
 
 
-def _drop_shared_frames(heads: Iterable[ClipSummary]) -> Iterator[ClipSummary]:
-    """Two parts of one video share the key frame at which it was cut: the last of the one, the first of the other. The earlier
-    part gives its samples.
-    """
+def _drop_shared_frames(summaries: Iterable[ClipSummary]) -> Iterator[ClipSummary]:
+    """Drop the duplicate of the key frame that two parts of one video share; the earlier part keeps it."""
     last: dict[str, int] = {}
-    for head in heads:
-        shared = last.get(head.clip.video_id)
-        keep = [i for i, frame in enumerate(head.frames) if frame != shared]
-        yield replace(head, ids=tuple(head.ids[i] for i in keep))
-        last[head.clip.video_id] = max(head.frames, default=-1)
+    for summary in summaries:
+        shared = last.get(summary.clip.video_id)
+        keep = [i for i, frame in enumerate(summary.frames) if frame != shared]
+        yield replace(summary, ids=tuple(summary.ids[i] for i in keep))
+        last[summary.clip.video_id] = max(summary.frames, default=-1)
 
 
 def _summarize(index: int, clip: Samples) -> ClipSummary:
     found = [(sample.sample_id, sample.frame, sample.narration) for sample in clip.samples]
     return ClipSummary(index, replace(clip, samples=()), tuple(name for name, _, _ in found), tuple(frame for _, frame, _ in found),
-                frozenset((said.verb_key, said.verb_class) for _, _, said in found),
-                frozenset((said.noun_key, said.noun_class) for _, _, said in found))
+                frozenset((narration.verb_key, narration.verb_class) for _, _, narration in found),
+                frozenset((narration.noun_key, narration.noun_class) for _, _, narration in found))
 
 
-def _rejection_summary(heads: Iterable[ClipSummary]) -> str:
+def _rejection_summary(summaries: Iterable[ClipSummary]) -> str:
     reasons: Counter[str] = Counter()
-    for head in heads:
-        reasons.update(dict(head.clip.rejected))
+    for summary in summaries:
+        reasons.update(dict(summary.clip.rejected))
     frames = ", ".join(f"{reason} {count}" for reason, count in reasons.most_common())
     return f"frames left out: {frames}" if frames else "there was no frame at all"
 
 
-def _check_ids(heads: Iterable[ClipSummary]) -> None:
-    seen = Counter(name for head in heads for name in head.ids)
+def _check_ids(summaries: Iterable[ClipSummary]) -> None:
+    seen = Counter(name for summary in summaries for name in summary.ids)
     name, count = seen.most_common(1)[0]
     if count > 1:
         raise ValueError(f"sample_id {name!r}: expected once, found {count} times; two clips cover the same frame")
@@ -157,56 +159,56 @@ def _check_ids(heads: Iterable[ClipSummary]) -> None:
 
 @dataclass
 class SampleWriter:
-    """Second pass: rows of one split after the other, counted, and a few of them kept for the contact sheet."""
+    """Second pass: streams the rows of each split, counts them, and keeps a few for the contact sheet."""
 
     clips: Sequence[Samples]
     plan: PackPlan
     wanted: frozenset[int]
     progress: Callable[[int, int], None]
-    tally: DatasetCounts = field(default_factory=DatasetCounts)
+    counts: DatasetCounts = field(default_factory=DatasetCounts)
     kept: list[dict[str, Any]] = field(default_factory=list)
 
     def rows(self, split: str) -> Iterator[dict[str, Any]]:
-        """The rows of one split, by video, clip and frame."""
+        """Yield the rows of one split, by video, clip and frame."""
         verbs, nouns = self.plan.verbs.labels(), self.plan.nouns.labels()
-        for head in self.plan.heads:
-            if self.plan.split[head.clip.video_id] == split and head.ids:
-                clip = self.clips[head.index]
-                provenance, wanted = digest(clip), set(head.ids)
+        for summary in self.plan.summaries:
+            if self.plan.split[summary.clip.video_id] == split and summary.ids:
+                clip = self.clips[summary.index]
+                provenance, wanted = digest(clip), set(summary.ids)
                 for sample in (sample for sample in clip.samples if sample.sample_id in wanted):
                     row = table_schema.table_row(clip, sample, verbs, nouns, provenance)
                     self._note(split, sample, row)
                     yield row
 
     def _note(self, split: str, sample: Any, row: dict[str, Any]) -> None:
-        done = self.tally.splits.total()
+        done = self.counts.splits.total()
         if done in self.wanted:
             self.kept.append(row)
-        self.tally.add(split, sample, row)
+        self.counts.add(split, sample, row)
         self.progress(done + 1, self.plan.samples.total())
 
 
-def write_samples(root: Path, clips: Sequence[Samples], made: PackPlan, per_shard: int, pictures: int,
+def write_samples(root: Path, clips: Sequence[Samples], plan: PackPlan, per_shard: int, pictures: int,
                   progress: Callable[[int, int], None]) -> SampleWriter:
-    """Write the Parquet shards of every split; returns what was counted and kept on the way."""
-    writing = SampleWriter(clips, made, frozenset(contact_sheet.evenly_spaced(made.samples.total(), pictures)), progress)
-    schema = table_schema.arrow_schema(table_schema.columns(made.verbs, made.nouns))
-    for split in made.splits():
-        names = parquet_shards.shard_names(split, made.samples[split], per_shard)
-        parquet_shards.write_shards(writing.rows(split), schema, root, names, per_shard)
-    return writing
+    """Write the Parquet shards of every split; return the writer with its counts and kept rows."""
+    writer = SampleWriter(clips, plan, frozenset(contact_sheet.evenly_spaced(plan.samples.total(), pictures)), progress)
+    schema = table_schema.arrow_schema(table_schema.columns(plan.verbs, plan.nouns))
+    for split in plan.splits():
+        names = parquet_shards.shard_names(split, plan.samples[split], per_shard)
+        parquet_shards.write_shards(writer.rows(split), schema, root, names, per_shard)
+    return writer
 
 
-def write_metadata(root: Path, writing: SampleWriter, name: str, licence: str, version: str, how: str) -> None:
-    """Everything that stands beside the shards: statistics, plots, contact sheet, card, Croissant, manifest."""
-    made = writing.plan
-    licence = licence_of(made.split, licence)
-    table = table_schema.columns(made.verbs, made.nouns)
-    numbers = statistics(writing.tally, [head.clip for head in made.heads], made.verbs, made.nouns)
+def write_metadata(root: Path, writer: SampleWriter, name: str, licence: str, version: str, method: str) -> None:
+    """Write statistics, plots, contact sheet, card, Croissant and manifest."""
+    plan = writer.plan
+    licence = licence_of(plan.split, licence)
+    table = table_schema.columns(plan.verbs, plan.nouns)
+    numbers = statistics(writer.counts, [summary.clip for summary in plan.summaries], plan.verbs, plan.nouns)
     files.write_json(root / "statistics.json", numbers)
-    write_plots(root, writing.tally, numbers)
-    contact_sheet.write_sheet(root / "contact_sheet.png", writing.kept)
-    (root / "README.md").write_text(metadata.dataset_card(name, licence, numbers, table, how), encoding="utf-8", newline="\n")
+    write_plots(root, writer.counts, numbers)
+    contact_sheet.write_sheet(root / "contact_sheet.png", writer.kept)
+    (root / "README.md").write_text(metadata.dataset_card(name, licence, numbers, table, method), encoding="utf-8", newline="\n")
     parquet = [file for file in files.names(root) if file.endswith(".parquet")]
     files.write_json(root / "croissant.json", metadata.croissant(name, licence, version, table, root, parquet))
     files.write_manifest(root)

@@ -1,4 +1,7 @@
-"""Rows -> Parquet shards, written as they come: at most one row group is in memory."""
+"""Parquet shards: a streaming writer, and a reader that bounds stated sizes and verifies page checksums.
+
+Any damage of a shard is reported as one SourceError.
+"""
 
 from __future__ import annotations
 
@@ -23,13 +26,13 @@ ROW_GROUP = 100
 
 
 def shard_names(split: str, samples: int, per_shard: int) -> list[str]:
-    """Names of the shards of a split, as the Hub spells them."""
+    """Return the shard names of a split, in the Hub's naming scheme."""
     number = -(-samples // per_shard)
     return [f"data/{split}-{k:05d}-of-{number:05d}.parquet" for k in range(number)]
 
 
 def write_shards(rows: Iterator[dict[str, Any]], schema: pa.Schema, root: Path, names: list[str], per_shard: int) -> None:
-    """Write all rows of a split into `names`, `per_shard` into each."""
+    """Stream all rows of a split into the files `names`, `per_shard` rows each, with one row group in memory."""
     for name in names:
         path = root / name
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -40,14 +43,14 @@ def write_shards(rows: Iterator[dict[str, Any]], schema: pa.Schema, root: Path, 
 
 
 def _writer(path: Path, schema: pa.Schema) -> pq.ParquetWriter:
-    """zstd but for the JPEGs, which it cannot shorten; page index and content-defined pages for the Hub; checksums of pages."""
+    """Open a writer: zstd except for JPEGs, page index and content-defined chunking for the Hub, page checksums."""
     codec = dict.fromkeys(_leaves(schema), "zstd") | {"image.bytes": "none"}
     return pq.ParquetWriter(path, schema, compression=codec, use_dictionary=False, write_page_index=True,
                             write_page_checksum=True, use_content_defined_chunking=True)
 
 
 def _leaves(schema: pa.Schema) -> list[str]:
-    """Parquet's dotted name of every leaf column."""
+    """Return Parquet's dotted name of every leaf column."""
     return [name for field in schema for name in _leaves_below(field.name, field.type)]
 
 
@@ -62,17 +65,17 @@ def _leaves_below(name: str, kind: pa.DataType) -> Iterator[str]:
 
 
 MOST_BYTES = 1 << 30
-"""uncompressed, of one row group: 100 pictures of 10 MB"""
+"""limit of the uncompressed size of a row group: 100 images of 10 MB"""
 MOST_ROWS = 1 << 17
-"""of one row group"""
+"""limit of the rows of a row group"""
 DAMAGE = (pa.ArrowException, cv2.error, zlib.error, struct.error, OSError, ValueError, TypeError, LookupError, AttributeError,
           MemoryError, OverflowError)  # fmt: skip
-"""what Arrow, OpenCV and the unpacking of columns raise for a file that is damaged, or another one"""
+"""exceptions that Arrow, OpenCV and column unpacking raise for a damaged or foreign file"""
 
 
 @contextmanager
 def damage_as_error(path: Path, name: str = "") -> Iterator[None]:
-    """Any damage of a shard that comes up inside, as one SourceError that names the file, as `name` where it has another one."""
+    """Convert any damage inside the context to one SourceError that names the file (or `name`)."""
     try:
         yield
     except SourceError:
@@ -83,8 +86,9 @@ def damage_as_error(path: Path, name: str = "") -> Iterator[None]:
 
 
 def open_shard(path: Path, name: str = "") -> pq.ParquetFile:
-    """A shard whose pages are verified when they are read. SourceError when it is no Parquet file, or its footer is another than
-    manifest.json says, where there is one.
+    """Open a shard with page checksum verification.
+
+    Raises SourceError when it is not a Parquet file, or its footer differs from the one in manifest.json, where there is one.
     """
     with damage_as_error(path, name):
         stated = _stated_footer(path)
@@ -94,19 +98,21 @@ def open_shard(path: Path, name: str = "") -> pq.ParquetFile:
 
 
 def _stated_footer(path: Path) -> str:
-    """Digest of the footer of a shard in the manifest of its data set; '' where nothing states it."""
+    """Return the digest of a shard's footer from the manifest of its data set; '' when there is none."""
     root = path.parent.parent
     if not (root / MANIFEST).is_file():
         return ""
     entry = json.loads((root / MANIFEST).read_bytes())
-    for key in ("files", path.relative_to(root).as_posix(), FOOTER):  # a manifest of another form states none
+    for key in ("files", path.relative_to(root).as_posix(), FOOTER):  # a manifest of another form has no such entry
         entry = entry.get(key) if isinstance(entry, dict) else None
     return str(entry or "")
 
 
 def read_group(path: Path, group: int, columns: Sequence[str]) -> pa.Table:
-    """Some columns of one row group; SourceError when the file is damaged or lacks a column, TooLargeError beyond `MOST_BYTES` or
-    `MOST_ROWS`, before anything is decompressed.
+    """Read columns of one row group.
+
+    Raises SourceError when the file is damaged or lacks a column, and TooLargeError beyond `MOST_BYTES` or `MOST_ROWS`, before
+    decompression.
     """
     with open_shard(path) as file, damage_as_error(path):
         _check_size(file, path, group)
@@ -118,7 +124,7 @@ def read_group(path: Path, group: int, columns: Sequence[str]) -> pa.Table:
 
 
 def _check_size(file: pq.ParquetFile, path: Path, group: int) -> None:
-    """The sizes of single columns stay unread: Arrow ends the process where their statistics are damaged."""
+    """Check the stated size of a row group. Sizes of single columns are not read, because Arrow crashes on damaged statistics."""
     stated = file.metadata.row_group(group)
     size = stated.total_byte_size
     if size > MOST_BYTES or stated.num_rows > MOST_ROWS:

@@ -1,4 +1,7 @@
-"""What the name of a sequence's folder says, and where its files lie: `<split>/<SubjectN>_<action>_..._<object>/rgb/...`."""
+"""SOR3D-AFF's folder layout: folder names, discovery of sequences, label colours, and writer of sequences.
+
+A sequence is `<split>/<SubjectN>_<action>_..._<object>/rgb/...`. Depth and camera files are an extension.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,7 @@ from schemas.interaction import AFFORDANCES, BACKGROUND, COLOURS_BGR, Interactio
 
 SPLITS = ("train", "val")
 EXTRAS = 4
-"""The last so many files of rgb/ are no frames: the mask first, the hot spot last; the two between are not used"""
+"""number of files at the end of rgb/ that are not frames: first the mask, last the hot spot; the two between are unused"""
 MASK, SPOT = 0, 3
 DEPTH_MM = 1000.0
 CAMERA = "camera.json"
@@ -27,7 +30,7 @@ VIEWS = "views_id.txt"
 
 
 class SequenceName(NamedTuple):
-    """What the folder's name says."""
+    """Parsed name of a sequence folder."""
 
     split: str
     folder: str
@@ -37,7 +40,7 @@ class SequenceName(NamedTuple):
 
 
 def parse_name(path: str) -> SequenceName:
-    """The name of a file or folder of a sequence, below the root; SourceError when it is not of that form."""
+    """Parse the path of a file or folder of a sequence, relative to the root. Raises SourceError for another form."""
     split, _, rest = path.partition("/")
     folder = rest.partition("/")[0]
     words = folder.split("_")
@@ -54,8 +57,9 @@ Digest = Callable[[Path], str]
 
 
 def discover_sequences(root: Path, digest: Digest) -> tuple[FileTree, ...]:
-    """One tree per sequence of a SOR3D-AFF root, train first, names relative to the root. SourceError when there is none, a file
-    leaves the root, or two sequences have one name.
+    """Index the sequences of a SOR3D-AFF root, train first, with names relative to the root.
+
+    Raises SourceError when there is none, a file is outside the root, or two sequences have one name.
     """
     if not root.is_dir():
         raise SourceError(str(root), "a folder with train/ and val/", "a file" if root.exists() else "nothing", "give the root")
@@ -75,7 +79,7 @@ def discover_sequences(root: Path, digest: Digest) -> tuple[FileTree, ...]:
 
 
 def entry_tree(name: str, kept: Iterable[Entry], digest: Digest) -> FileTree:
-    """Entries as a tree; SourceError for one that leaves the root."""
+    """Index entries as a FileTree. Raises SourceError for a link out of the root."""
     refs = []
     for entry in kept:
         if entry.leaves:
@@ -85,7 +89,10 @@ def entry_tree(name: str, kept: Iterable[Entry], digest: Digest) -> FileTree:
 
 
 def read_views(root: Path) -> dict[str, int]:
-    """Which of three cameras saw each person, where the root says so; SourceError for a line that is not `SubjectN<tab>1..3`."""
+    """Read the camera (1 to 3) of each person from views_id.txt, where present.
+
+    Raises SourceError for a line that is not `SubjectN<tab>1..3`.
+    """
     path = root / VIEWS
     if not path.is_file():
         return {}
@@ -100,7 +107,10 @@ def read_views(root: Path) -> dict[str, int]:
 
 
 def colour_label(label: np.ndarray) -> np.ndarray:
-    """(h, w, 3) uint8 BGR picture of a label (h, w) uint8; background is black. ValueError for a label that is none."""
+    """Colour a label (h, w) uint8 as a BGR image (h, w, 3) uint8, black for background.
+
+    Raises ValueError for a label out of range.
+    """
     table = np.array([*(COLOURS_BGR[name] for name in AFFORDANCES), (0, 0, 0)], np.uint8)
     if label.max(initial=0) > BACKGROUND:
         raise ValueError(f"label: expected 0 to {BACKGROUND}, got {int(label.max())}")
@@ -108,25 +118,26 @@ def colour_label(label: np.ndarray) -> np.ndarray:
 
 
 def dominant_colour(picture: np.ndarray) -> tuple[int, int, int] | None:
-    """The colour, blue, green, red, that most pixels of the picture (h, w, 3) BGR have, black apart; None when all are black."""
+    """Return the most frequent BGR colour of an image (h, w, 3) other than black; None when all pixels are black."""
     found, count = np.unique(picture.reshape(-1, 3), axis=0, return_counts=True)
     count[(found == 0).all(axis=-1)] = 0
     return tuple(found[count.argmax()].tolist()) if count.any() else None
 
 
 def label_of_colours(picture: np.ndarray, affordance: str) -> np.ndarray:
-    """(h, w) uint8: index of the affordance where the picture (h, w, 3) BGR has exactly its colour, BACKGROUND elsewhere."""
+    """Convert a BGR image (h, w, 3) to a label (h, w) uint8: the affordance where the colour is exactly its, else BACKGROUND."""
     hit = (picture == np.array(COLOURS_BGR[affordance], np.uint8)).all(axis=-1)
     return np.where(hit, np.uint8(AFFORDANCES.index(affordance)), np.uint8(BACKGROUND))
 
 
 GRID = (1920, 1080)
-"""Hot spots are given on the grid of the Kinect's colour camera, in whole pixels."""
+"""Width and height of the grid of hot spots: the Kinect's colour camera, in whole pixels."""
 
 
 def write_sequence(clip: InteractionClip, root: Path) -> Path:
-    """Write `<split>/<name>/`: rgb/NNNN.png with the four files behind them, depth/NNNN.png (16 bit, mm, 0 = hole), camera.json.
-    ValueError when a depth does not fit into 16 bits of millimetres.
+    """Write `<split>/<name>/`: rgb/NNNN.png and the four extra files, depth/NNNN.png (16 bit, mm, 0 = hole), camera.json.
+
+    Raises ValueError when a depth does not fit into 16 bits of millimetres.
     """
     folder = root / clip.split / clip.name
     for name in ("rgb", "depth"):
@@ -147,7 +158,7 @@ def write_sequence(clip: InteractionClip, root: Path) -> Path:
 
 
 def write_views(views: dict[str, int], root: Path) -> Path:
-    """The file that says which of three cameras saw a person, `SubjectN<tab>1..3` a line, as in the released code."""
+    """Write views_id.txt, which lists the camera of each person as `SubjectN<tab>1..3`, as in the released code."""
     path = root / VIEWS
     path.write_text("".join(f"{subject}\t{view}\n" for subject, view in views.items()), encoding="utf-8", newline="\n")
     return path

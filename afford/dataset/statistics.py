@@ -1,4 +1,4 @@
-"""What the data set holds, counted while its rows are written."""
+"""Statistics of a data set, counted while its rows are written, and their plots. The same numbers give the same bytes."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from schemas.video import SIDES
 GRID = (36, 64)
 """rows and columns of the heat maps"""
 PUBLISHED = {"samples": 278_000, "verb_classes": 73, "noun_classes": 163}
-"""totals that 2HandedAfforder reports for 2HANDS, beside which ours are set"""
+"""totals that 2HandedAfforder reports for 2HANDS, for comparison"""
 QUANTILES = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
 
 
@@ -41,7 +41,7 @@ class DatasetCounts:
     heat: np.ndarray = field(default_factory=lambda: np.zeros((2, *GRID)))
 
     def add(self, split: str, sample: Sample, row: dict[str, Any]) -> None:
-        """Count one sample; `row` is what is written of it."""
+        """Count one sample and its table row."""
         self.splits[split] += 1
         self.verbs[sample.narration.verb_key] += 1
         self.nouns[sample.narration.noun_key] += 1
@@ -57,32 +57,32 @@ class DatasetCounts:
 
 
 def on_grid(masks: np.ndarray) -> np.ndarray:
-    """(n, h, w) -> (n, *GRID): the pixel in the middle of each cell."""
+    """Sample masks (n, h, w) at the middle of each grid cell, (n, *GRID)."""
     rows, columns = (((np.arange(cells) + 0.5) * size / cells).astype(int)
                      for cells, size in zip(GRID, masks.shape[1:], strict=True))
     return masks[:, rows[:, None], columns[None, :]]
 
 
-def statistics(tally: DatasetCounts, clips: Iterable[Samples], verbs: Classes, nouns: Classes) -> dict[str, Any]:
-    """Everything in statistics.json."""
+def statistics(counts: DatasetCounts, clips: Iterable[Samples], verbs: Classes, nouns: Classes) -> dict[str, Any]:
+    """Return the contents of statistics.json."""
     videos: dict[str, str] = {}
     rejected: Counter[str] = Counter()
     for clip in clips:
         videos[clip.video_id] = clip.participant_id
         rejected.update(dict(clip.rejected))
-    ours = {"samples": tally.splits.total(), "verb_classes": len(verbs.keys), "noun_classes": len(nouns.keys)}
+    ours = {"samples": counts.splits.total(), "verb_classes": len(verbs.keys), "noun_classes": len(nouns.keys)}
     return {
         "totals": {name: {"here": ours[name], "published_2hands": PUBLISHED[name]} for name in ours},
         "videos": len(videos),
         "participants": len(set(videos.values())),
-        "splits": dict(tally.splits),
-        "taxonomy": {name: tally.taxonomy[label] for label, name in enumerate(TAXONOMY)},
-        "taxonomy3": {name: tally.taxonomy3[label] for label, name in enumerate(TAXONOMY3)},
-        "verbs": _by_class(verbs, tally.verbs),
-        "nouns": _by_class(nouns, tally.nouns),
-        "objects": dict(sorted(tally.objects.items(), key=lambda item: (-item[1], item[0]))),
-        "area_fraction": {name: _distribution(found) for name, found in tally.areas.items()},
-        **{name: _distribution(found) for name, found in tally.numbers.items()},
+        "splits": dict(counts.splits),
+        "taxonomy": {name: counts.taxonomy[label] for label, name in enumerate(TAXONOMY)},
+        "taxonomy3": {name: counts.taxonomy3[label] for label, name in enumerate(TAXONOMY3)},
+        "verbs": _by_class(verbs, counts.verbs),
+        "nouns": _by_class(nouns, counts.nouns),
+        "objects": dict(sorted(counts.objects.items(), key=lambda item: (-item[1], item[0]))),
+        "area_fraction": {name: _distribution(found) for name, found in counts.areas.items()},
+        **{name: _distribution(found) for name, found in counts.numbers.items()},
         "frames_without_sample": dict(sorted(rejected.items())),
     }
 
@@ -93,7 +93,7 @@ def _by_class(classes: Classes, count: Counter[str]) -> list[dict[str, Any]]:
 
 
 def _distribution(found: list[float]) -> dict[str, float]:
-    """Count, mean and quantiles; only the count for nothing."""
+    """Return count, mean and quantiles; only the count for an empty list."""
     if not found:
         return {"count": 0}
     cuts = np.quantile(found, QUANTILES)
@@ -108,14 +108,14 @@ NARROW, WIDE, FLAT = (7.0, 4.0), (11.0, 5.5), (11.0, 3.4)
 AREA_PERCENT = np.geomspace(0.01, 100, 41).tolist()
 
 
-def write_plots(root: Path, tally: DatasetCounts, statistics: dict[str, Any]) -> None:
-    """classes.png, areas.png, taxonomy.png and hand_positions.png under `plots/`."""
+def write_plots(root: Path, counts: DatasetCounts, statistics: dict[str, Any]) -> None:
+    """Write classes.png, areas.png, taxonomy.png and hand_positions.png under `plots/`."""
     folder = root / "plots"
     folder.mkdir(parents=True, exist_ok=True)
     _save(_classes(statistics), folder / "classes.png")
-    _save(_areas(tally), folder / "areas.png")
+    _save(_areas(counts), folder / "areas.png")
     _save(_taxonomy(statistics), folder / "taxonomy.png")
-    _save(_hand_positions(tally), folder / "hand_positions.png")
+    _save(_hand_positions(counts), folder / "hand_positions.png")
 
 
 def _figure(size: tuple[float, float], columns: int) -> tuple[Figure, list[Axes]]:
@@ -149,11 +149,11 @@ def _classes(statistics: dict[str, Any]) -> Figure:
     return figure
 
 
-def _areas(tally: DatasetCounts) -> Figure:
+def _areas(counts: DatasetCounts) -> Figure:
     figure, axes = _figure(WIDE, 2)
     panels = (("affordance", "mask_left", "mask_right"), ("complete object", "object_left_mask", "object_right_mask"))
     for axis, (title, left, right) in zip(axes, panels, strict=True):
-        found = [[100 * area for area in tally.areas[name]] for name in (left, right)]
+        found = [[100 * area for area in counts.areas[name]] for name in (left, right)]
         axis.hist([np.maximum(part, AREA_PERCENT[0]) for part in found], AREA_PERCENT, color=[LEFT, RIGHT],
                   label=["left hand", "right hand"])
         axis.set(title=f"area of the {title}", xlabel="% of the image", ylabel="samples", xscale="log")
@@ -173,10 +173,10 @@ def _taxonomy(statistics: dict[str, Any]) -> Figure:
     return figure
 
 
-def _hand_positions(tally: DatasetCounts) -> Figure:
+def _hand_positions(counts: DatasetCounts) -> Figure:
     figure, axes = _figure(FLAT, 2)
-    for axis, title, heat, colours in zip(axes, SIDES, tally.heat, ("Oranges", "Blues"), strict=True):
-        percent = 100 * heat / max(tally.splits.total(), 1)
+    for axis, title, heat, colours in zip(axes, SIDES, counts.heat, ("Oranges", "Blues"), strict=True):
+        percent = 100 * heat / max(counts.splits.total(), 1)
         shown = axis.imshow(percent, cmap=colours, vmin=0, extent=(0, 1, 1, 0), aspect=percent.shape[0] / percent.shape[1],
                             interpolation="bilinear")
         axis.set(title=f"where the {title} hand acts", xlabel="x / width", ylabel="y / height")

@@ -1,4 +1,4 @@
-"""Stills -> samples: of all the ways to do a task, each sample shows one."""
+"""Samples drawn from rendered stills: each sample shows one of the valid modes of a task."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from schemas.affordance import Sample, Samples
 from schemas.scene import Mode, Still, Stills
 
 MOTION_TIME_NS = np.zeros(1, np.int64)
-"""A still does not move: its motion is the one point where hands and things are."""
+"""Time of the single motion point of a still, ns."""
 
 
 def sample_stills(stills: Stills, draws: int, seed: int) -> Samples:
-    """Up to `draws` samples of each still. ValueError when `draws` is less than 1."""
+    """Draw up to `draws` samples of each still. Raises ValueError when `draws` is less than 1."""
     if draws < 1:
         raise ValueError(f"draws: expected 1 or more, got {draws}")
     found = tuple(sample for still in stills.stills for sample in _drawn(stills, still, draws, seed))
@@ -52,6 +52,6 @@ def _sample(stills: Stills, still: Still, mode: Mode, draw: int) -> Sample:
 
 
 def _centre(mask: np.ndarray) -> np.ndarray:
-    """(2,) float32 x, y of the middle of a mask, px; NaN for an empty one."""
+    """Return the centroid (2,) float32 x, y of a mask, px; NaN for an empty one."""
     y, x = np.nonzero(mask)
     return np.array([x.mean(), y.mean()] if x.size else [np.nan, np.nan], np.float32)

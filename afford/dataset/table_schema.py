@@ -1,4 +1,7 @@
-"""Classes that emerge from the narrations: EPIC's where they apply, in EPIC's order, then every new word as its own class."""
+"""Table schema of the data set: columns, Arrow types, verb and noun classes, and the conversion of a sample to a row.
+
+The Hugging Face metadata lets `datasets` decode the columns without code of this project.
+"""
 
 from __future__ import annotations
 
@@ -15,20 +18,20 @@ from schemas.affordance import TAXONOMY, Sample, Samples, Taxonomy
 
 @dataclass(frozen=True)
 class Classes:
-    """The verb classes, or the noun classes, of one data set. A class is known by its key; its label is its place here."""
+    """Verb or noun classes of one data set: EPIC's classes in EPIC's order, then new ones. The label is the index."""
 
     keys: tuple[str, ...]
-    """one per class"""
+    """key of each class"""
     epic_ids: tuple[int, ...]
     """EPIC-KITCHENS id of each class, -1 for a new one"""
 
     def labels(self) -> dict[str, int]:
-        """Key -> label."""
+        """Map each key to its label."""
         return {key: label for label, key in enumerate(self.keys)}
 
 
 def collect_classes(seen: Iterable[tuple[str, int]]) -> Classes:
-    """Classes out of (key, EPIC id or -1) pairs in any order, any number of times."""
+    """Collect classes from (key, EPIC id or -1) pairs, in any order and with repetitions."""
     epic_id: dict[str, int] = {}
     for key, number in seen:
         epic_id[key] = max(number, epic_id.get(key, -1))
@@ -45,12 +48,12 @@ IMAGE: Feature = {"_type": "Image"}
 
 
 def value_feature(dtype: str) -> Feature:
-    """A plain column of this dtype."""
+    """Return the feature of a plain column of this dtype."""
     return {"dtype": dtype, "_type": "Value"}
 
 
 def list_feature(feature: Feature, length: int = -1) -> Feature:
-    """A list; `Sequence` is understood by every version of `datasets`."""
+    """Return the feature of a list, as `Sequence`, which every version of `datasets` supports."""
     return {"feature": feature, "length": length, "_type": "Sequence"}
 
 
@@ -59,7 +62,7 @@ POINTS = list_feature(list_feature(value_feature("float32")))
 
 @dataclass(frozen=True)
 class Column:
-    """One column: its Hugging Face feature and what it means."""
+    """Column with its Hugging Face feature and its meaning."""
 
     name: str
     feature: Feature
@@ -113,7 +116,7 @@ FIXED = (
 
 
 def columns(verbs: Classes, nouns: Classes) -> tuple[Column, ...]:
-    """All columns of a data set with these classes."""
+    """Return all columns of a data set with these classes."""
     return (
         *FIXED,
         Column("verb_class", {"names": list(verbs.keys), "_type": "ClassLabel"}, "class of the verb"),
@@ -122,14 +125,14 @@ def columns(verbs: Classes, nouns: Classes) -> tuple[Column, ...]:
 
 
 def arrow_schema(table: tuple[Column, ...]) -> pa.Schema:
-    """Arrow fields and the `huggingface` metadata of these columns."""
+    """Return Arrow fields and the `huggingface` metadata of these columns."""
     features = {column.name: column.feature for column in table}
     metadata = json.dumps({"info": {"features": features}}, sort_keys=True, ensure_ascii=False)
     return pa.schema([(column.name, arrow_type(column.feature)) for column in table], {"huggingface": metadata})
 
 
 def arrow_type(feature: Feature) -> pa.DataType:
-    """How `datasets` stores a feature."""
+    """Return the Arrow type in which `datasets` stores a feature."""
     match feature.get("_type"):
         case "Image":
             return pa.struct([("bytes", pa.binary()), ("path", pa.string())])
@@ -146,7 +149,7 @@ COARSE_TAXONOMY = {Taxonomy.LEFT: 0, Taxonomy.RIGHT: 0, Taxonomy.BOTH_SAME: 1, T
 
 
 def table_row(clip: Samples, sample: Sample, verbs: dict[str, int], nouns: dict[str, int], provenance: str) -> dict[str, Any]:
-    """One row; `verbs` and `nouns` map class keys to labels."""
+    """Convert a sample to a table row; `verbs` and `nouns` map class keys to labels."""
     return {
         "sample_id": sample.sample_id,
         "image": {"bytes": sample.image_jpeg.tobytes(), "path": f"{sample.sample_id}.jpg"},
@@ -168,7 +171,7 @@ def table_row(clip: Samples, sample: Sample, verbs: dict[str, int], nouns: dict[
 
 
 def source_columns(clip: Samples, sample: Sample) -> dict[str, Any]:
-    """Columns that say where the sample comes from."""
+    """Return the columns of a sample's source."""
     return {
         "video": clip.video_id,
         "clip": clip.clip_id,
@@ -182,18 +185,18 @@ def source_columns(clip: Samples, sample: Sample) -> dict[str, Any]:
 
 
 def task_columns(sample: Sample, verbs: dict[str, int], nouns: dict[str, int]) -> dict[str, Any]:
-    """Columns of the narration."""
-    said = sample.narration
+    """Return the columns of the narration."""
+    narration = sample.narration
     return {
-        "narration": said.text,
-        "narration_id": said.narration_id,
-        "verb": said.verb,
-        "noun": said.noun,
-        "verb_class": verbs[said.verb_key],
-        "noun_class": nouns[said.noun_key],
-        "verb_epic_id": said.verb_class,
-        "noun_epic_id": said.noun_class,
-        "all_nouns": list(said.all_nouns),
+        "narration": narration.text,
+        "narration_id": narration.narration_id,
+        "verb": narration.verb,
+        "noun": narration.noun,
+        "verb_class": verbs[narration.verb_key],
+        "noun_class": nouns[narration.noun_key],
+        "verb_epic_id": narration.verb_class,
+        "noun_epic_id": narration.noun_class,
+        "all_nouns": list(narration.all_nouns),
     }
 
 

@@ -1,6 +1,6 @@
-"""Where a hand lies on the complete object it touches, what kind of task that is, and how far the answer can be trusted.
+"""Affordance by intersection: the part of a complete object that a hand covers, its taxonomy, quality and reasons for rejection.
 
-Everywhere: row 0 is the left hand, row 1 the right; an object is an index into `CompleteObjects.entities`, -1 for none.
+Row 0 is the left hand, row 1 the right. An object is an index into `CompleteObjects.entities`, -1 without an object.
 """
 
 from __future__ import annotations
@@ -16,23 +16,23 @@ PAPER_SIDE_PX = 855
 UNKNOWN_CONTACT = -2
 NO_OBJECT = -1
 OTHER_HAND_UNKNOWN = np.float32(0.5)
-"""quality of a frame in which it is not known whether the other hand takes part"""
+"""factor of the quality of a frame in which the contact of the other hand is unknown"""
 
 
 def scale(masks: np.ndarray) -> float:
-    """Working pixels per pixel of the paper's 855 x 855 square, for masks (..., h, w) that are padded to a square there."""
+    """Working pixels per pixel of the paper's 855 x 855 square, to which the paper pads masks (..., h, w)."""
     return max(masks.shape[-2:]) / PAPER_SIDE_PX
 
 
 def touched_objects(tracks: Tracks, complete: CompleteObjects) -> np.ndarray:
-    """(2, t) int16: the object of each hand, -1 for none or unknown contact."""
+    """Object that each hand touches, (2, t) int16; -1 without contact and for unknown contact."""
     place = {entity.entity_id: i for i, entity in enumerate(complete.entities)}
     lookup = np.array([place.get(entity.entity_id, NO_OBJECT) for entity in tracks.entities] or [NO_OBJECT], np.int16)
     return np.where(tracks.contact >= 0, lookup[np.maximum(tracks.contact, 0)], np.int16(NO_OBJECT))
 
 
 def hand_masks(tracks: Tracks) -> np.ndarray:
-    """(2, t, h, w) bool: visible left and right hand."""
+    """Visible masks (2, t, h, w) bool of the left and the right hand."""
     masks = np.zeros((2, *tracks.masks.shape[1:]), bool)
     for entity, mask in zip(tracks.entities, tracks.masks, strict=True):
         if entity.role == "hand":
@@ -41,7 +41,7 @@ def hand_masks(tracks: Tracks) -> np.ndarray:
 
 
 def intersect(tracks: Tracks, complete: CompleteObjects, objects: np.ndarray) -> np.ndarray:
-    """(2, t, h, w) bool: hand AND complete object of that hand; empty without contact."""
+    """Intersect each hand with the complete object that it touches, (2, t, h, w) bool; empty without contact."""
     masks = hand_masks(tracks)
     for side, row in enumerate(objects):
         for t, index in enumerate(row):
@@ -50,7 +50,7 @@ def intersect(tracks: Tracks, complete: CompleteObjects, objects: np.ndarray) ->
 
 
 def dilate_square(masks: np.ndarray, side_px: int) -> np.ndarray:
-    """(2, t, h, w) bool, grown by a square of this side as the paper's code does; a side of 0 or 1 changes nothing."""
+    """Dilate masks (2, t, h, w) bool by a square of `side_px`, as the paper's code does; 0 or 1 changes nothing."""
     if side_px <= 1:
         return masks
     square = np.ones((side_px, side_px), np.uint8)
@@ -58,7 +58,7 @@ def dilate_square(masks: np.ndarray, side_px: int) -> np.ndarray:
 
 
 def taxonomy(objects: np.ndarray) -> np.ndarray:
-    """(t,) int8 Taxonomy of (2, t) objects."""
+    """Classify (2, t) objects into the four-way Taxonomy, (t,) int8."""
     left, right = objects >= 0
     both = np.where(objects[0] == objects[1], Taxonomy.BOTH_SAME, Taxonomy.BOTH_DIFFERENT)
     one = np.where(left, Taxonomy.LEFT, np.where(right, Taxonomy.RIGHT, Taxonomy.NONE))
@@ -66,24 +66,30 @@ def taxonomy(objects: np.ndarray) -> np.ndarray:
 
 
 def taxonomy3(objects: np.ndarray) -> np.ndarray:
-    """(t,) int8: 0 one hand, 1 both on one object, 2 both on different ones, -1 none (the paper's first version)."""
+    """Classify (2, t) objects as in the paper's first version, (t,) int8.
+
+    0: one hand; 1: both on the same object; 2: both on different objects; -1: no contact.
+    """
     return np.array([0, 0, 1, 2, -1], np.int8)[taxonomy(objects)]
 
 
 def quality(
     tracks: Tracks, complete: CompleteObjects, objects: np.ndarray, masks: np.ndarray, fade_frames: float
 ) -> np.ndarray:
-    """(t,) float32 in 0..1: the worse hand's trust in its masks, times how recently an annotator confirmed the contact."""
+    """Quality score (t,) float32 in 0..1 of each frame: that of the less certain hand.
+
+    The score of a hand is the confidence of its masks, times a decay with the distance to the key frame that annotates the contact.
+    """
     total = np.ones(len(tracks.frame), np.float32)
     for side, row in enumerate(objects):
         active = row >= 0
         if active.any():
-            total[active] = np.minimum(total, _trust(tracks, complete, side, row, masks[side], fade_frames))[active]
+            total[active] = np.minimum(total, _hand_confidence(tracks, complete, side, row, masks[side], fade_frames))[active]
         total[tracks.contact[side] == UNKNOWN_CONTACT] *= OTHER_HAND_UNKNOWN
     return np.where((objects >= 0).any(axis=0), total, np.float32(0)).astype(np.float32)
 
 
-def _trust(
+def _hand_confidence(
     tracks: Tracks, complete: CompleteObjects, side: int, row: np.ndarray, affordance: np.ndarray, fade_frames: float
 ) -> np.ndarray:
     at = np.arange(len(row))
@@ -99,7 +105,9 @@ def rejection(
     tracks: Tracks, complete: CompleteObjects, objects: np.ndarray, masks: np.ndarray, quality: np.ndarray,
     limits: tuple[float, ...], min_quality: float,
 ) -> np.ndarray:  # fmt: skip
-    """(t,) uint8 Rejection: the first reason that applies, in the order of the enum; every touching hand must pass.
+    """Reason for Rejection of each frame, (t,) uint8: the first that applies, in the order of the enum.
+
+    Every touching hand must pass.
 
     masks: (2, t, h, w) bool. limits: smallest and largest area in working pixels.
     """
@@ -121,7 +129,7 @@ def rejection(
 
 
 def _areas(complete: CompleteObjects, objects: np.ndarray) -> np.ndarray:
-    """(2, t): pixels of each hand's complete object, 0 without one."""
+    """Area (2, t) in pixels of the complete object of each hand, 0 without an object."""
     if not complete.entities:
         return np.zeros(objects.shape, int)
     areas = np.count_nonzero(complete.masks, axis=(2, 3))

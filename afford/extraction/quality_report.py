@@ -1,9 +1,9 @@
-"""Scores of many clips as metrics, a Markdown table, a plot and a sheet of pictures."""
+"""Quality report of many clips: metrics, a Markdown table, a plot and a contact sheet."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
 
 import cv2
@@ -41,23 +41,23 @@ ROWS: tuple[tuple[str, str, dict[str, str]], ...] = (
 )  # fmt: skip
 
 
-def write(scores: tuple[ClipScores, ...], folder: Path) -> FileTree:
-    """Write the four files of the report into `folder`; ValueError when there is no standard clip."""
+def write_report(scores: tuple[ClipScores, ...], folder: Path) -> FileTree:
+    """Write the four files of the report into `folder`; ValueError without a standard clip."""
     standard = [clip for clip in scores if not clip.hard]
     if not standard:
-        raise ValueError("the report needs at least one standard clip, got none")
+        raise ValueError("the report needs at least one standard clip; set extraction_report.standard_clips to 1 or more")
     hard = [clip for clip in scores if clip.hard]
     metrics = means(standard) | {f"hard.{name}": score for name, score in means(hard).items()}
     metrics |= {"clips.standard": len(standard), "clips.hard": len(hard), "clips.frames": sum(clip.frames for clip in scores)}
     (folder / "metrics.json").write_text(json.dumps(metrics, indent=1, sort_keys=True) + "\n")
     (folder / "report.md").write_text(table(metrics, len(standard), len(hard)) + per_clip(scores))
     plot(scores, folder / "scores.png")
-    (folder / "sheet.jpg").write_bytes(encode_jpeg(sheet(scores), JPEG_QUALITY).tobytes())
+    (folder / "sheet.jpg").write_bytes(encode_jpeg(contact_sheet(scores), JPEG_QUALITY).tobytes())
     return tree("extraction_report", folder)
 
 
 def means(clips: Iterable[ClipScores]) -> dict[str, float]:
-    """Mean over all items of all clips, by name; the gain of inpainting over `cv2.inpaint` is added."""
+    """Compute means over all items of all clips, by name, and the gain of inpainting over `cv2.inpaint`."""
     total: dict[str, float] = {}
     count: dict[str, int] = {}
     for clip in clips:
@@ -71,18 +71,19 @@ def means(clips: Iterable[ClipScores]) -> dict[str, float]:
 
 
 def table(metrics: dict[str, float], standard: int, hard: int) -> str:
-    """A Markdown table: ours and the baselines, on standard and on hard clips."""
+    """Format a Markdown table of the metrics and the baselines, on standard and on hard clips."""
     head = f"| measure | {standard} standard clips | baselines | {hard} hard clips | baselines |\n|---|---|---|---|---|\n"
     rows = []
     for title, name, plain in ROWS:
-        cells = [f(metrics, what) for prefix in ("", "hard.") for f, what in ((_cell, prefix + name), (_beside(plain), prefix))]
+        cells = []
+        for prefix in ("", "hard."):
+            cells += [_cell(metrics, prefix + name), _baseline_cell(metrics, plain, prefix)]
         rows.append(f"| {title} | " + " | ".join(cells) + " |\n")
     return "# Extraction quality on synthetic clips\n\n" + head + "".join(rows)
 
 
-def _beside(plain: dict[str, str]) -> Callable[[dict[str, float], str], str]:
-    """The cell that names the baselines, as a function of the metrics and the prefix."""
-    return lambda metrics, prefix: ", ".join(f"{draw_label} {_cell(metrics, prefix + name)}" for draw_label, name in plain.items())
+def _baseline_cell(metrics: dict[str, float], plain: dict[str, str], prefix: str) -> str:
+    return ", ".join(f"{title} {_cell(metrics, prefix + name)}" for title, name in plain.items())
 
 
 def _cell(metrics: dict[str, float], name: str) -> str:
@@ -92,7 +93,7 @@ def _cell(metrics: dict[str, float], name: str) -> str:
 
 
 def per_clip(scores: tuple[ClipScores, ...]) -> str:
-    """A Markdown table of the main measures, clip by clip."""
+    """Format a Markdown table of the main measures, one row per clip."""
     names = [name for _, name, _ in ROWS[:5]] + ["completion.amodal_iou", "completion.hidden_iou", "affordance.iou"]
     out = ["\n## Clip by clip\n\n| clip | hard | " + " | ".join(names) + " |\n|" + "---|" * (len(names) + 2) + "\n"]
     for clip in scores:
@@ -102,7 +103,7 @@ def per_clip(scores: tuple[ClipScores, ...]) -> str:
 
 
 def plot(scores: tuple[ClipScores, ...], path: Path) -> None:
-    """Bars per clip for masks, completion and affordance; hard clips hatched."""
+    """Plot bars per clip for masks, completion and affordance; hard clips are hatched."""
     figure = Figure(figsize=(11, 7), layout="constrained")
     panels = figure.subplots(3, 1, sharex=True)
     names = [clip.clip_id for clip in scores]
@@ -123,8 +124,8 @@ def plot(scores: tuple[ClipScores, ...], path: Path) -> None:
     figure.savefig(path, dpi=90, metadata={"Software": None})
 
 
-def sheet(scores: tuple[ClipScores, ...]) -> np.ndarray:
-    """The rows of all clips under a line of titles, (h, w, 3) uint8 RGB."""
+def contact_sheet(scores: tuple[ClipScores, ...]) -> np.ndarray:
+    """Stack the picture rows of all clips under a line of titles, (h, w, 3) uint8 RGB."""
     rows = [decode_jpeg(clip.sheet_jpeg) for clip in scores]
     width = rows[0].shape[1]
     head = np.full((24, width, 3), 255, np.uint8)
@@ -135,7 +136,7 @@ def sheet(scores: tuple[ClipScores, ...]) -> np.ndarray:
 
 JPEG_QUALITY = 88
 AT_PX, LETTERS_PX = (6, 4), 13
-"""where the label of a row stands, and how tall its letters are"""
+"""position of the label of a row, and height of its letters"""
 TITLES = ("frame", "masks", "hands removed", "truth", "complete objects", "affordance")
 
 
@@ -148,8 +149,8 @@ def clip_row(
     affordances: Affordances,
     width_px: int,
 ) -> np.ndarray:
-    """JPEG bytes (b,) uint8 of six pictures side by side."""
-    t = busiest(aligned)
+    """Encode six pictures of a clip side by side as JPEG bytes (b,) uint8."""
+    t = most_occluded_frame(aligned)
     rgb = frames.rgb[t]
     shown = [
         rgb,
@@ -165,8 +166,8 @@ def clip_row(
     return encode_jpeg(row, JPEG_QUALITY)
 
 
-def busiest(aligned: Aligned) -> int:
-    """Row of the frame in which hands hide most pixels of the objects they touch."""
+def most_occluded_frame(aligned: Aligned) -> int:
+    """Find the row of the frame in which hands hide most pixels of the objects that they touch."""
     hands = aligned.hands()
     hidden = np.zeros(len(aligned.at))
     for t in range(len(aligned.at)):
@@ -176,7 +177,7 @@ def busiest(aligned: Aligned) -> int:
 
 
 def paint(rgb: np.ndarray, masks: np.ndarray, colours: Palette) -> np.ndarray:
-    """`rgb` with each of the masks (n, h, w) bool tinted and outlined in its own colour."""
+    """Tint and outline each of the masks (n, h, w) bool in its own colour on a copy of `rgb`."""
     out = rgb.copy()
     for mask, colour in zip(masks, colours, strict=True):
         out[mask] = (0.45 * out[mask] + 0.55 * np.array(colour, np.float32)).astype(np.uint8)
@@ -186,10 +187,10 @@ def paint(rgb: np.ndarray, masks: np.ndarray, colours: Palette) -> np.ndarray:
 
 
 def decode_jpeg(data: np.ndarray) -> np.ndarray:
-    """(h, w, 3) uint8 RGB of JPEG bytes (b,) uint8."""
+    """Decode JPEG bytes (b,) uint8 to (h, w, 3) uint8 RGB."""
     bgr = cv2.imdecode(data, cv2.IMREAD_COLOR)
     if bgr is None:
-        raise ValueError(f"{data.size} bytes are no picture")
+        raise ValueError(f"cannot decode {data.size} bytes as JPEG")
     return bgr[..., ::-1]
 
 

@@ -22,20 +22,23 @@ from schemas.video import Frames, Inpainted
 
 
 class Tally:
-    """Sums and counts by name. Infinite scores (a perfect PSNR) are capped at 99 so that a mean stays a number."""
+    """Sums and counts of scores by name.
+
+    Undefined scores (NaN: both masks empty) are skipped. Infinite scores (a perfect PSNR) are capped at 99 for finite means.
+    """
 
     def __init__(self) -> None:
         self._total: dict[str, float] = defaultdict(float)
         self._count: dict[str, int] = defaultdict(int)
 
     def add(self, name: str, score: float) -> None:
-        """Count `score` under `name`, unless it is NaN."""
+        """Add `score` under `name`, unless it is NaN."""
         if not math.isnan(score):
             self._total[name] += min(score, 99.0)
             self._count[name] += 1
 
     def scores(self) -> tuple[Score, ...]:
-        """Everything counted, by name."""
+        """Sums and counts, sorted by name."""
         return tuple(Score(name, self._total[name], self._count[name]) for name in sorted(self._total))
 
 
@@ -47,12 +50,12 @@ def nearest_key(masks: np.ndarray, is_key: np.ndarray) -> np.ndarray:
 
 
 def telea(rgb: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """`cv2.inpaint` (Telea 2004, radius 3 px) of one (h, w, 3) uint8 frame inside an (h, w) bool mask."""
+    """Inpaint one (h, w, 3) uint8 frame inside an (h, w) bool mask with `cv2.inpaint` (Telea 2004, radius 3 px)."""
     return cv2.inpaint(rgb, mask.astype(np.uint8), 3, cv2.INPAINT_TELEA)
 
 
-def hull(visible: np.ndarray, hands: np.ndarray) -> np.ndarray:
-    """The visible mask (h, w) and, inside the hands, its convex hull."""
+def hull_under_hands(visible: np.ndarray, hands: np.ndarray) -> np.ndarray:
+    """Extend the visible mask (h, w) to its convex hull inside the hands."""
     if not visible.any():
         return visible
     points = cv2.findNonZero(visible.astype(np.uint8))
@@ -64,7 +67,7 @@ def load_truth(tree: FileTree) -> ClipTruth:
     """Read `truth/<video_id>/` (docs/synthetic/truth-format.md); ValueError names the file when one is missing."""
     files = {PurePosixPath(file.name).name: file.path for file in tree.files}
     if "value.json" not in files:
-        raise ValueError(f"truth of {tree.name}: expected value.json among {sorted(files)}; see docs/synthetic/truth-format.md")
+        raise ValueError(f"truth of {tree.name}: value.json is missing among {sorted(files)}; see docs/synthetic/truth-format.md")
     value = load("ClipTruth", files)
     if not isinstance(value, ClipTruth):
         raise ValueError(f"truth of {tree.name}: expected a ClipTruth, got {type(value).__name__}")
@@ -77,21 +80,21 @@ F_TOLERANCE_PX = 2
 
 @dataclass(frozen=True)
 class Aligned:
-    """Truth cut to the frames of the tracks: `at` (t,) are its rows, `entity` maps an entity id to its index."""
+    """Ground truth aligned with the frames of the tracks: `at` (t,) are its rows."""
 
     truth: ClipTruth
     at: np.ndarray
 
     def index(self, entity_id: str) -> int:
-        """Index of the entity in the truth, -1 when the truth does not know it."""
+        """Index of the entity in the truth, -1 for an unknown entity."""
         return next((i for i, entity in enumerate(self.truth.entities) if entity.entity_id == entity_id), -1)
 
     def visible(self, entity_id: str) -> np.ndarray:
-        """True visible masks (t, h, w) of the entity; empty masks when the truth does not know it."""
+        """True visible masks (t, h, w) of the entity; empty masks for an unknown entity."""
         return self._masks(self.truth.visible, entity_id)
 
     def amodal(self, entity_id: str) -> np.ndarray:
-        """True amodal masks (t, h, w) of the entity; empty masks when the truth does not know it."""
+        """True amodal masks (t, h, w) of the entity; empty masks for an unknown entity."""
         return self._masks(self.truth.amodal, entity_id)
 
     def _masks(self, masks: np.ndarray, entity_id: str) -> np.ndarray:
@@ -103,7 +106,7 @@ class Aligned:
         return self.visible("left hand") | self.visible("right hand")
 
     def touched(self, side: int, t: int) -> str:
-        """Entity id of what the hand (0 left, 1 right) truly touches in row t, '' for nothing."""
+        """Entity id of the object that the hand (0 left, 1 right) truly touches in row t, '' without contact."""
         index = int(self.truth.contact[side, self.at[t]])
         return self.truth.entities[index].entity_id if index >= 0 else ""
 
@@ -117,7 +120,7 @@ def align(truth: ClipTruth, frame: np.ndarray) -> Aligned:
 
 
 def score_densify(tally: Tally, aligned: Aligned, tracks: Tracks, gap: str) -> None:
-    """J and F of the tracks and of the nearest key frame, e.g. `densify.j.gap15`, `baseline.nearest.j.gap15`."""
+    """Score J and F of the tracks and of the nearest-key-frame baseline: `densify.j.gap15`, `baseline.nearest.j.gap15`, ..."""
     is_key = np.asarray((tracks.flags & TrackFlag.KEY).any(axis=0))
     copied = nearest_key(tracks.masks, is_key)
     for entity_id, found, plain in _tracked(aligned, tracks, copied):
@@ -130,7 +133,7 @@ def score_densify(tally: Tally, aligned: Aligned, tracks: Tracks, gap: str) -> N
 
 
 def _tracked(aligned: Aligned, tracks: Tracks, copied: np.ndarray) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
-    """Entities of the tracks, then those that a hand truly touches and the tracks miss (empty masks)."""
+    """Yield the entities of the tracks, then the touched entities that the tracks miss, with empty masks."""
     known = {entity.entity_id for entity in tracks.entities}
     for i, entity in enumerate(tracks.entities):
         yield entity.entity_id, tracks.masks[i], copied[i]
@@ -141,7 +144,7 @@ def _tracked(aligned: Aligned, tracks: Tracks, copied: np.ndarray) -> Iterator[t
 
 
 def score_inpaint(tally: Tally, aligned: Aligned, frames: Frames, inpainted: Inpainted) -> None:
-    """PSNR inside the true hands, with and without shadows in the truth, objects and background apart; Telea beside it."""
+    """Score PSNR inside the true hands, with and without shadows, for objects and background separately; Telea as baseline."""
     hands, objects = aligned.hands(), _objects(aligned)
     for t, row in enumerate(aligned.at):
         region = dilate(hands[t], HAND_BORDER_PX)
@@ -166,7 +169,7 @@ def _objects(aligned: Aligned) -> np.ndarray:
 
 
 def score_completion(tally: Tally, aligned: Aligned, tracks: Tracks, complete: CompleteObjects) -> None:
-    """Amodal and hidden-part IoU of touched objects; beside it the visible mask and its convex hull inside the hands."""
+    """Score amodal and hidden-part IoU of touched objects; baselines: the visible mask, and its convex hull inside the hands."""
     visible = {entity.entity_id: tracks.masks[i] for i, entity in enumerate(tracks.entities)}
     completed = {entity.entity_id: complete.masks[i] for i, entity in enumerate(complete.entities)}
     hands = np.logical_or.reduce([tracks.masks[i] for i, e in enumerate(tracks.entities) if e.role == "hand"])
@@ -178,14 +181,14 @@ def score_completion(tally: Tally, aligned: Aligned, tracks: Tracks, complete: C
                 continue
             mine = visible.get(entity_id, nothing)[t]
             found = completed.get(entity_id, nothing)[t]
-            ways = {"completion": found, "baseline.visible": mine, "baseline.hull": hull(mine, hands[t])}
-            for name, mask in ways.items():
+            methods = {"completion": found, "baseline.visible": mine, "baseline.hull": hull_under_hands(mine, hands[t])}
+            for name, mask in methods.items():
                 tally.add(f"{name}.amodal_iou", region_similarity(mask, amodal))
                 tally.add(f"{name}.hidden_iou", region_similarity(mask & ~mine, amodal & ~seen))
 
 
 def score_affordance(tally: Tally, aligned: Aligned, affordances: Affordances) -> None:
-    """IoU, precision and recall per touching hand, and how often contact itself is told right."""
+    """Score IoU, precision and recall for each touching hand, and the accuracy of contact."""
     for side, hand in enumerate(("left hand", "right hand")):
         seen = aligned.visible(hand)
         for t in range(len(aligned.at)):

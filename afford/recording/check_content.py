@@ -13,8 +13,8 @@ from mcap.reader import make_reader
 from mcap.records import Channel, Message
 from mcap_protobuf.decoder import DecoderFactory
 
-from afford.recording.content import EPOCH_NS
-from afford.recording.topics import CAMERA, timed_parts
+from afford.recording.mcap_files import EPOCH_NS
+from afford.recording.messages import CAMERA, timed_parts
 
 FRAMES = "/frame_decode/image"
 MAGIC = {"jpeg": b"\xff\xd8\xff", "png": b"\x89PNG\r\n\x1a\n"}

@@ -6,15 +6,14 @@ from collections.abc import Mapping
 from itertools import zip_longest
 from pathlib import Path
 
-from afford.recording.content import EPOCH_NS, Channel, Message, Recording
-from afford.recording.files import opened
+from afford.recording.mcap_files import EPOCH_NS, Channel, Message, Recording, open_recording
 
 SECOND_NS = 10**9
 
 
 def difference(one: Path, two: Path) -> list[str]:
     """Sentences: topics, then metadata, then the first message that differs; [] for equal content."""
-    with opened(one) as a, opened(two) as b:
+    with open_recording(one) as a, open_recording(two) as b:
         return [*_channels(a, b), *_metadata(a.metadata, b.metadata), *_attachments(a, b), *_first_message(a, b)]
 
 

@@ -14,9 +14,9 @@ from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
 from afford.common.drawing import TILE_W
-from afford.recording.content import EPOCH_NS
+from afford.recording.mcap_files import EPOCH_NS
 
-IMAGE = "foxglove.CompressedImage"
+IMAGE_SCHEMA = "foxglove.CompressedImage"
 
 
 @dataclass(frozen=True)

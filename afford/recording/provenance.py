@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from afford.codecs.kinds import digest, kind_of, schema_version
-from afford.recording.content import Recording
+from afford.recording.mcap_files import Recording
 from schemas.episodes import GraspEpisodes
 from schemas.files import FileTree
 from schemas.hand import HandModel

@@ -20,8 +20,8 @@ from foxglove_schemas_protobuf.TriangleListPrimitive_pb2 import TriangleListPrim
 from scipy.spatial.transform import Rotation
 
 from afford.common.palette import Colour
-from afford.recording.content import Message
-from afford.recording.topics import stamped
+from afford.recording.mcap_files import Message
+from afford.recording.messages import stamped
 
 WORLD = "world"
 """frame_id that everything hangs on: z up, table top at 0"""

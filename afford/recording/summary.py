@@ -15,7 +15,7 @@ from mcap.records import ChunkIndex
 from mcap.records import Statistics as McapStatistics
 
 from afford.recording.check_file import MAGIC
-from afford.recording.content import EPOCH_NS
+from afford.recording.mcap_files import EPOCH_NS
 
 RECORD_HEAD, MESSAGE_HEAD = 9, 31
 """bytes of opcode and length; of those and the fixed fields of a message"""

@@ -1,1 +1,1 @@
-"""Software rasteriser, cameras, materials, lights."""
+"""Software renderer: rasteriser, cameras, materials, lights, and views of a mesh."""

@@ -1,4 +1,9 @@
-"""A head-worn camera: where it stands, what it looks at, and how a head never quite stands still."""
+"""Pinhole cameras: look-at poses, a moving head-worn camera, and cameras around an object.
+
+The head-worn camera follows gaze targets with a small random sway. Cameras around an object are the six cardinal ones of the paper,
+or anywhere on a sphere. Object frame: z up; the camera `front` looks along +y, as a person who faces the object
+(docs/conventions.md).
+"""
 
 from __future__ import annotations
 
@@ -6,22 +11,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from afford.render.motion import Pose, about, ease, pose, sway
+from afford.render.motion import Pose, axis_angle, ease, pose, sway
 from afford.render.scene import Camera
 
 
 @dataclass(frozen=True)
 class HeadStyle:
-    """How lively the head is."""
+    """Amplitudes of the head motion."""
 
     sway_m: float
-    """amplitude of the wandering of the head"""
+    """amplitude of the sway of the head position"""
     turn_deg: float
-    """amplitude of the wandering of the gaze"""
+    """amplitude of the sway of the gaze direction"""
     roll_deg: float
     """amplitude of the roll"""
     orbit_m: float
-    """sideways travel over the whole clip: the stronger, the more parallax"""
+    """sideways travel over the whole clip; larger values give more parallax"""
 
 
 CALM = HeadStyle(sway_m=0.033, turn_deg=3.9, roll_deg=2.0, orbit_m=0.07)
@@ -29,22 +34,25 @@ PARALLAX = HeadStyle(sway_m=0.05, turn_deg=4.0, roll_deg=2.5, orbit_m=0.20)
 
 
 def look_at(eye: np.ndarray, target: np.ndarray, roll_rad: float = 0.0) -> Pose:
-    """T_world_cam of a camera at `eye` (3,) that looks at `target` (3,), metres; x right, y down, z forward; world z up."""
+    """Compute T_world_cam of a camera at `eye` (3,) that looks at `target` (3,).
+
+    Metres; camera axes x right, y down, z forward; world z up.
+    """
     forward = (target - eye) / np.linalg.norm(target - eye)
     right = np.cross(forward, (0.0, 0.0, 1.0))
     right /= np.linalg.norm(right)
     frame = np.stack([right, np.cross(forward, right), forward], 1)
-    return pose(eye, frame @ about((0, 0, 1), roll_rad))
+    return pose(eye, frame @ axis_angle((0, 0, 1), roll_rad))
 
 
 def intrinsics(width: int, height: int, field_of_view_deg: float) -> np.ndarray:
-    """K (3, 3) of a pinhole camera with square pixels; the field of view is horizontal."""
+    """Compute K (3, 3) of a pinhole camera with square pixels from its horizontal field of view."""
     focal = 0.5 * width / np.tan(np.radians(field_of_view_deg) / 2)
     return np.array([[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1.0]])
 
 
 class Head:
-    """The pose of the camera at any time: gaze targets that follow the action, plus wandering."""
+    """Pose of a head-worn camera over time: gaze targets of the action, plus sway."""
 
     def __init__(self, rng: np.random.Generator, style: HeadStyle, eye: np.ndarray, length: float) -> None:
         self.style, self.eye, self.length = style, eye, length
@@ -58,7 +66,7 @@ class Head:
         self.gazes.append((start, stop, np.asarray(target, float)))
 
     def at(self, time: float) -> Pose:
-        """T_world_cam at a time."""
+        """Compute T_world_cam at a time."""
         style = self.style
         target = self.gazes[0][2]
         for start, stop, goal in self.gazes[1:]:
@@ -72,32 +80,32 @@ class Head:
 
 
 CARDINAL = {"front": (0, -1, 0), "back": (0, 1, 0), "left": (-1, 0, 0), "right": (1, 0, 0), "top": (0, 0, 1), "bottom": (0, 0, -1)}
-"""where each of the paper's six cameras stands, seen from the middle of the object"""
+"""directions of the paper's six cameras from the centre of the object"""
 FILLED = 0.92
-"""share of a picture's side that the object fills"""
+"""share of an image's side that the object fills"""
 
 
 @dataclass(frozen=True)
 class Sphere:
-    """The sphere around an object: centre (3,) and radius, metres."""
+    """Bounding sphere of an object: centre (3,) and radius, metres."""
 
     centre: np.ndarray
     radius_m: float
 
     @staticmethod
     def of(vertices: np.ndarray) -> Sphere:
-        """Around the middle of the bounding box."""
+        """Build the sphere around the centre of the bounding box."""
         centre = (vertices.min(0).astype(np.float64) + vertices.max(0)) / 2
         return Sphere(centre, max(float(np.linalg.norm(vertices - centre, axis=1).max()), 1e-6))
 
     def eye(self, towards: np.ndarray, distance: float) -> np.ndarray:
-        """(..., 3) metres: camera centres `distance` radii away in the directions (..., 3)."""
+        """Compute camera centres (..., 3), metres, `distance` radii away in the directions (..., 3)."""
         unit = towards / np.linalg.norm(towards, axis=-1, keepdims=True)
         return np.asarray(self.centre + distance * self.radius_m * unit)
 
 
 def camera(vertices: np.ndarray, around: Sphere, towards: np.ndarray, distance: float, size_px: int) -> Camera:
-    """A square picture from `distance` radii away in the direction `towards` (3,), zoomed so that the object (v, 3) fills it."""
+    """Build a square camera `distance` radii away in the direction `towards` (3,), zoomed to the object (v, 3)."""
     if distance <= 1:
         raise ValueError(f"distance: expected more than 1 radius, so that the camera is outside, got {distance}")
     way = np.asarray(towards, np.float64)
@@ -112,7 +120,10 @@ def camera(vertices: np.ndarray, around: Sphere, towards: np.ndarray, distance: 
 
 
 def facing(forward: np.ndarray) -> np.ndarray:
-    """(3, 3) camera axes in the object frame: z along `forward`, y as far down as it can be; from above and below, y towards -y."""
+    """Compute the camera axes (3, 3) in the object frame for a viewing direction.
+
+    z is along `forward`, y points down as far as possible; views from above and below have y towards -y.
+    """
     z = forward / np.linalg.norm(forward)
     down = np.array([0, 0, -1.0]) if abs(z[2]) < 0.999 else np.array([0, -1.0, 0])
     x = np.cross(down, z)

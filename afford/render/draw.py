@@ -1,4 +1,4 @@
-"""What the rest of afford calls: images with exact id maps, and the full truth of a frame in one go."""
+"""Render images with exact id maps and depth, and the full ground truth of one frame."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def render(
     supersample: int = 2,
     shadow_casters: Sequence[Instance] | None = None,
 ) -> Rendered:
-    """An image of the instances; shadows are thrown by `shadow_casters`, by default the instances themselves."""
+    """Render the instances; shadows are cast by `shadow_casters`, by default the instances themselves."""
     view = View.of(batch(instances, textures), camera)
     lighting = Lighting.of(view.scene if shadow_casters is None else batch(shadow_casters, textures), light)
     rgb = np.zeros((camera.height, camera.width, 3), np.uint8)
@@ -32,7 +32,7 @@ def render(
 
 
 def draw_ids(instances: Sequence[Instance], camera: Camera, textures: Textures) -> tuple[np.ndarray, np.ndarray]:
-    """Entity (h, w) int16 and depth (h, w) float32 metres at pixel centres, without colour."""
+    """Render entity (h, w) int16 and depth (h, w) float32 metres at pixel centres, without colour."""
     view = View.of(batch(instances, textures), camera)
     face, near = view.seen(1)[1]
     return view.ids(face), depth(near)
@@ -48,9 +48,10 @@ def render_bundle(
     *,
     supersample: int = 2,
 ) -> Bundle:
-    """The full truth of one frame: `hands` are the entities to take away, amodal masks are for entities 0..entities-1.
+    """Render one frame with and without hands, ids, depth, and amodal masks.
 
-    Only the pixels that hands cover, or that their shadows can reach, are shaded again.
+    `hands` are the entities to remove; amodal masks are those of entities 0..entities-1. Only the pixels that hands cover, or that
+    their shadows can reach, are shaded again.
     """
     gone = frozenset(hands)
     view = View.of(batch(instances, textures), camera)
@@ -69,7 +70,7 @@ def render_bundle(
 
 
 def _changed(full: Seen, bare: Seen, supersample: int) -> np.ndarray:
-    """(h, w) bool: pixels of which any sample shows another triangle."""
+    """Find pixels (h, w) bool of which at least one sample shows another triangle."""
     height, width = full[0].shape
     return (full[0] != bare[0]).reshape(height // supersample, supersample, width // supersample, supersample).any(axis=(1, 3))
 
@@ -77,7 +78,7 @@ def _changed(full: Seen, bare: Seen, supersample: int) -> np.ndarray:
 def _paint(
     view: View, seen: Seen, light: Lighting, maps: np.ndarray, textures: Textures, want: np.ndarray, out: np.ndarray
 ) -> None:
-    """Colour the wanted pixels of `out`."""
+    """Shade the pixels `want` of `out`."""
     s = view.scene
     geometry = (s.vertices, s.normals, s.colours, s.uv, s.faces, s.part, s.layer)
     eye = view.camera.T_world_cam[:3, 3].astype(np.float32)

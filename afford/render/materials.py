@@ -1,4 +1,7 @@
-"""Surfaces by seed: wood, stone, laminate, tiles, metal, glaze, print, cloth, plastic, leather. Each call gives another one."""
+"""Random materials: wood, stone, laminate, tiles, metal, glaze, print, cloth, plastic, leather.
+
+Each function draws from `rng`, so that every call gives another material.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +39,7 @@ def wood(rng: np.random.Generator, species: str | None = None, size: int = 512, 
 
 
 def _board(rng: np.random.Generator, size: int, stops: Sequence[tuple[float, float, float]]) -> np.ndarray:
-    """Growth rings cut lengthwise, with fibres and pores."""
+    """One board: growth rings cut lengthwise, with fibres and pores."""
     x = np.arange(size, dtype=np.float32)[None] / size
     bend = cloud(rng, size, 2.2, (1.0, 4.0))
     rings = 0.5 + 0.5 * np.sin(2 * np.pi * (rng.integers(5, 9) * x + 5.0 * (bend - 0.5)))
@@ -82,7 +85,7 @@ def laminate(rng: np.random.Generator, size: int = 512) -> Material:
 
 
 def tiles(rng: np.random.Generator, size: int = 512, across: int = 4) -> Material:
-    """Glazed wall tiles with joints, each a little different."""
+    """Glazed wall tiles with joints, each of a slightly different colour."""
     base = rgb([(214, 212, 202), (150, 178, 176), (198, 176, 142), (122, 146, 168), (208, 196, 190)][rng.integers(5)])
     colour = flat(rng, size, (196, 192, 184), 10.0)
     step, brick = size // across, rng.random() < 0.5
@@ -182,7 +185,7 @@ PRINTS = (_bands, _dots, _checks, _flowers, _motto, _speckles)
 
 
 def label(rng: np.random.Generator, size: int = 256, repeat: int = 2) -> Material:
-    """A printed label that goes `repeat` times around: bands, a badge, words, small print, a bar code."""
+    """Printed label repeated `repeat` times around: bands, a badge, words, small print, a bar code."""
     ground, ink, accent = vivid(rng, (180, 250), (0.05, 0.35)), vivid(rng, (40, 150), (0.6, 1.0)), vivid(rng)
     width = 2 * size // repeat
     panel = image(flat(rng, max(size, width), ground, 3.0))[:size, :width].copy()
@@ -198,7 +201,7 @@ def label(rng: np.random.Generator, size: int = 256, repeat: int = 2) -> Materia
 
 
 def carton(rng: np.random.Generator, size: int = 256) -> Material:
-    """The printed side of a package: a big word, a picture made of blobs, small print."""
+    """Printed side of a package: a big word, a pattern of blobs, small print."""
     base, ink, accent = vivid(rng, (150, 240)), vivid(rng, (30, 110)), vivid(rng, (200, 255))
     canvas = image(flat(rng, size, base, 4.0))
     cv2.ellipse(canvas, (size // 2, int(0.68 * size)), (int(0.36 * size), int(0.2 * size)), 0, 0, 360, accent, -1, cv2.LINE_AA)
@@ -258,7 +261,7 @@ def paper(rng: np.random.Generator, size: int = 256) -> Material:
 
 
 def pages(rng: np.random.Generator, size: int = 64) -> Material:
-    """The edges of a stack of paper."""
+    """Edges of a stack of paper."""
     colour = flat(rng, size, (226, 220, 204), 4.0) - (rng.random((size, 1, 1)) * 46).astype(np.float32)
     return Material(image(colour), specular=0.02, roughness=0.95)
 

@@ -1,4 +1,4 @@
-"""Triangle meshes with texture coordinates and smooth or creased normals, and the solids they are made from.
+"""Triangle meshes for rendering, with texture coordinates and smooth or creased normals.
 
 Vertices are (v, 3) float32 in metres, faces (f, 3) int32 counter-clockwise seen from outside, uv (v, 2) float32.
 """
@@ -13,7 +13,7 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """A surface. `normals` (v, 3) float32 unit; `colour` (v, 3) float32 multiplies the texture."""
+    """Triangle mesh; `normals` (v, 3) float32 unit, `colour` (v, 3) float32 multiplies the texture."""
 
     vertices: np.ndarray
     faces: np.ndarray
@@ -23,19 +23,19 @@ class Mesh:
 
     @property
     def bounds(self) -> np.ndarray:
-        """(2, 3) lowest and highest corner, metres."""
+        """Lowest and highest corner (2, 3), metres."""
         return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])
 
 
 def mesh(vertices: np.ndarray, faces: np.ndarray, uv: np.ndarray | None = None, *, crease_deg: float = 40.0) -> Mesh:
-    """A mesh whose vertices are split wherever two faces meet more sharply than `crease_deg`.
+    """Build a mesh whose vertices are split where two faces meet at more than `crease_deg`.
 
-    Vertices at the same place are smoothed together even when their uv differ, so that texture seams do not show.
+    Normals of vertices at the same position are averaged even when their uv differ, so that texture seams do not show.
     """
     points = np.ascontiguousarray(vertices, np.float32)
     corners = np.ascontiguousarray(faces, np.int32)
     coords = np.zeros((len(points), 2), np.float32) if uv is None else np.ascontiguousarray(uv, np.float32)
-    corners = corners[solid(points, corners)]
+    corners = corners[has_area(points, corners)]
     normals = _corner_normals(points, corners, np.float32(np.cos(np.radians(crease_deg))))
     keys = np.concatenate([corners.reshape(-1, 1), np.round(normals.reshape(-1, 3) * 512).astype(np.int32)], axis=1)
     _, first, inverse = np.unique(keys, axis=0, return_index=True, return_inverse=True)
@@ -45,8 +45,8 @@ def mesh(vertices: np.ndarray, faces: np.ndarray, uv: np.ndarray | None = None, 
     return Mesh(points[source], split, coords[source], normals.reshape(-1, 3)[first], colour)
 
 
-def solid(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """(f,) bool: faces that have an area; `mesh` leaves the others out."""
+def has_area(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Find faces (f,) bool with an area; `mesh` drops the others."""
     return np.asarray(_area_normals(points, faces)[1] > 1e-14)
 
 
@@ -57,7 +57,7 @@ def _area_normals(points: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np
 
 
 def _corner_normals(points: np.ndarray, faces: np.ndarray, cos_crease: np.float32) -> np.ndarray:
-    """(f, 3, 3) normals: faces around the same place are averaged by area where they are flat enough."""
+    """Compute normals (f, 3, 3): area-weighted means of the faces around a position that are flat enough."""
     normal, length = _area_normals(points, faces)
     _, place = np.unique(np.round(points * 2e5).astype(np.int64), axis=0, return_inverse=True)
     where = place.reshape(-1)[faces].reshape(-1)
@@ -82,34 +82,34 @@ def _average(normal, unit, where, order, start, cos_crease):  # type: ignore[no-
 
 
 def smooth_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """(v, 3) float32 area-weighted vertex normals, without creases: for skinned meshes, every frame."""
+    """Compute area-weighted vertex normals (v, 3) float32 without creases, for skinned meshes."""
     normal, _ = _area_normals(vertices, faces)
     total = np.stack([np.bincount(faces.reshape(-1), np.repeat(normal[:, k], 3), len(vertices)) for k in range(3)], axis=1)
     return (total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-30)).astype(np.float32)
 
 
 def transform(shape: Mesh, T: np.ndarray) -> Mesh:
-    """The mesh moved by the (4, 4) similarity `T`; mirrored faces are turned again."""
+    """Apply a (4, 4) similarity `T`; the faces of a mirrored mesh are flipped."""
     linear = T[:3, :3]
     normals = shape.normals @ np.linalg.inv(linear).astype(np.float32)
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
     faces = shape.faces if np.linalg.det(linear) > 0 else np.ascontiguousarray(shape.faces[:, ::-1])
-    moved = shape.vertices @ linear.T.astype(np.float32) + T[:3, 3].astype(np.float32)
-    return replace(shape, vertices=moved.astype(np.float32), normals=normals.astype(np.float32), faces=faces)
+    points = shape.vertices @ linear.T.astype(np.float32) + T[:3, 3].astype(np.float32)
+    return replace(shape, vertices=points.astype(np.float32), normals=normals.astype(np.float32), faces=faces)
 
 
-def moved(shape: Mesh, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Mesh:
-    """The mesh shifted by metres."""
+def translate(shape: Mesh, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Mesh:
+    """Shift a mesh by metres."""
     return replace(shape, vertices=shape.vertices + np.array([x, y, z], np.float32))
 
 
-def painted(shape: Mesh, colour: tuple[float, float, float]) -> Mesh:
-    """The mesh with one linear RGB vertex colour."""
+def with_colour(shape: Mesh, colour: tuple[float, float, float]) -> Mesh:
+    """Return the mesh with one linear RGB vertex colour."""
     return replace(shape, colour=np.broadcast_to(np.asarray(colour, np.float32), shape.vertices.shape).copy())
 
 
 def merge(*shapes: Mesh) -> Mesh:
-    """One mesh out of several."""
+    """Merge meshes into one."""
     offsets = np.cumsum([0] + [len(s.vertices) for s in shapes[:-1]])
     faces = np.concatenate([s.faces + np.int32(o) for s, o in zip(shapes, offsets, strict=True)])
     join = {name: np.concatenate([getattr(s, name) for s in shapes]) for name in ("vertices", "uv", "normals", "colour")}

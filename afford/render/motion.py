@@ -1,4 +1,7 @@
-"""Smooth rigid motion: minimum-jerk timing, blended rotations, and tracks made of segments. Poses are (4, 4) float64, T_a_b."""
+"""Smooth rigid motion: minimum-jerk timing, interpolated rotations, trajectories of segments.
+
+Poses are (4, 4) float64, T_a_b.
+"""
 
 from __future__ import annotations
 
@@ -12,13 +15,13 @@ PoseAt = Callable[[float], Pose]
 
 
 def ease(s: float) -> float:
-    """Minimum-jerk progress (Flash and Hogan 1985) of s in 0..1; 0 before, 1 after; no speed and no acceleration at both ends."""
+    """Minimum-jerk progress (Flash and Hogan 1985) for s in 0..1; 0 before, 1 after."""
     s = min(max(s, 0.0), 1.0)
     return s**3 * (10.0 - 15.0 * s + 6.0 * s * s)
 
 
 def pose(position: np.ndarray | tuple[float, ...], rotation: np.ndarray | None = None) -> Pose:
-    """A pose from a position (3,) in metres and a rotation (3, 3), identity when not given."""
+    """Build a pose from a position (3,) in metres and a rotation (3, 3), by default the identity."""
     out = np.eye(4)
     out[:3, 3] = position
     if rotation is not None:
@@ -26,15 +29,15 @@ def pose(position: np.ndarray | tuple[float, ...], rotation: np.ndarray | None =
     return out
 
 
-def about(axis: np.ndarray | tuple[float, ...], angle_rad: float) -> np.ndarray:
-    """Rotation (3, 3) about an axis (3,), by Rodrigues."""
+def axis_angle(axis: np.ndarray | tuple[float, ...], angle_rad: float) -> np.ndarray:
+    """Compute the rotation (3, 3) about an axis (3,) by Rodrigues' formula."""
     unit = np.asarray(axis, float) / np.linalg.norm(axis)
     cross = np.array([[0, -unit[2], unit[1]], [unit[2], 0, -unit[0]], [-unit[1], unit[0], 0]])
     return np.eye(3) + np.sin(angle_rad) * cross + (1 - np.cos(angle_rad)) * cross @ cross
 
 
 def log_rotation(rotation: np.ndarray) -> np.ndarray:
-    """Rotation vector (3,) in radians of a rotation (3, 3); norm at most pi."""
+    """Compute the rotation vector (3,) in radians of a rotation (3, 3); its norm is at most pi."""
     angle = np.arccos(np.clip((np.trace(rotation) - 1) / 2, -1, 1))
     skew = np.array([rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]])
     if angle < np.pi - 1e-3:
@@ -45,15 +48,15 @@ def log_rotation(rotation: np.ndarray) -> np.ndarray:
 
 
 def blend(a: Pose, b: Pose, s: float) -> Pose:
-    """Between two poses: straight line for the position, shortest turn for the rotation; s in 0..1 is used as given."""
+    """Interpolate two poses: linear position, shortest rotation; s in 0..1 without easing."""
     turn = log_rotation(a[:3, :3].T @ b[:3, :3])
     angle = float(np.linalg.norm(turn))
-    rotation = a[:3, :3] @ about(turn, angle * s) if angle > 1e-9 else a[:3, :3]
+    rotation = a[:3, :3] @ axis_angle(turn, angle * s) if angle > 1e-9 else a[:3, :3]
     return pose((1 - s) * a[:3, 3] + s * b[:3, 3], rotation)
 
 
 def arc(a: Pose, b: Pose, lift: np.ndarray) -> PoseAt:
-    """From a to b along a bow whose middle is displaced by `lift` (3,) metres; takes progress 0..1."""
+    """Return a path from a to b whose middle is displaced by `lift` (3,) metres; it takes progress 0..1."""
 
     def at(s: float) -> Pose:
         out = blend(a, b, ease(s))
@@ -64,7 +67,7 @@ def arc(a: Pose, b: Pose, lift: np.ndarray) -> PoseAt:
 
 
 def approach(a: Pose, b: Pose, leave: np.ndarray, arrive: np.ndarray) -> PoseAt:
-    """From a to b along a curve that bends out along `leave` (3,) at first and comes in along `arrive` (3,), both in metres."""
+    """Return a path from a to b that leaves along `leave` (3,) and arrives along `arrive` (3,), both in metres."""
 
     def at(s: float) -> Pose:
         t = ease(s)
@@ -77,13 +80,13 @@ def approach(a: Pose, b: Pose, leave: np.ndarray, arrive: np.ndarray) -> PoseAt:
 
 @dataclass
 class Track:
-    """A pose over time: segments one after another; before the first and after the last it stands still."""
+    """Pose over time, made of consecutive segments; constant before the first and after the last one."""
 
     rest: Pose
     segments: list[tuple[float, float, PoseAt]]
 
     def at(self, time: float) -> Pose:
-        """The pose at a time."""
+        """Compute the pose at a time."""
         current = self.rest
         for start, stop, path in self.segments:
             if time < start:
@@ -92,30 +95,30 @@ class Track:
         return current
 
     def add(self, start: float, stop: float, path: PoseAt) -> None:
-        """Append a segment; `path` takes progress 0..1. ValueError when it starts before the last one ends or is empty."""
+        """Append a segment; `path` takes progress 0..1. ValueError for an empty or overlapping segment."""
         if stop <= start or (self.segments and start < self.segments[-1][1] - 1e-9):
             raise ValueError(f"Track: expected a segment after {self.segments[-1][1] if self.segments else 0}, got {start}..{stop}")
         self.segments.append((start, stop, path))
 
     def end(self) -> Pose:
-        """Where the last segment ends."""
+        """Return the pose at the end of the last segment."""
         return self.segments[-1][2](1.0) if self.segments else self.rest
 
     def end_path(self) -> Callable[[], Pose]:
-        """Where the last segment so far ends, evaluated when asked."""
+        """Return a function that computes the pose at the end of the current last segment."""
         last = len(self.segments)
         return lambda: self.segments[last - 1][2](1.0) if last else self.rest
 
 
 @dataclass
 class Curve:
-    """A vector over time: minimum-jerk steps between values; used for joints and finger postures."""
+    """Vector over time, made of minimum-jerk steps between values; for joints and finger postures."""
 
     rest: np.ndarray
     steps: list[tuple[float, float, np.ndarray]]
 
     def at(self, time: float) -> np.ndarray:
-        """The value at a time."""
+        """Compute the value at a time."""
         current = self.rest
         for start, stop, target in self.steps:
             if time <= start:
@@ -124,12 +127,12 @@ class Curve:
         return current
 
     def add(self, start: float, stop: float, target: np.ndarray | float) -> None:
-        """Go to `target` between two times."""
+        """Move to `target` between two times."""
         self.steps.append((start, stop, np.atleast_1d(np.asarray(target, float))))
 
 
 def sway(rng: np.random.Generator, size: int, periods: tuple[float, float], count: int = 3) -> Callable[[float], np.ndarray]:
-    """Slow aperiodic wandering (size,) of unit amplitude: a few sines with random phases; periods in units of time."""
+    """Return a slow aperiodic motion (size,) of unit amplitude: sines with random phases and periods."""
     period = rng.uniform(*periods, (count, size))
     phase = rng.uniform(0, 2 * np.pi, (count, size))
     weight = rng.uniform(0.5, 1.0, (count, size))

@@ -1,4 +1,4 @@
-"""Tileable noise and drawing helpers out of which materials are made. Values are float32 about 0..1, images uint8 sRGB."""
+"""Tileable noise and drawing helpers for materials. Values are float32 about 0..1, images uint8 sRGB."""
 
 from __future__ import annotations
 
@@ -39,8 +39,9 @@ FONTS = (cv2.FONT_HERSHEY_DUPLEX, cv2.FONT_HERSHEY_TRIPLEX, cv2.FONT_HERSHEY_COM
 
 
 def cloud(rng: np.random.Generator, size: int, rough: float = 1.6, stretch: tuple[float, float] = (1.0, 1.0)) -> np.ndarray:
-    """(size, size) tileable fractal noise, mean .5, standard deviation about .18; `stretch` lengthens it along x, y; a higher
-    `rough` exponent is smoother.
+    """Tileable fractal noise (size, size), mean .5, standard deviation about .18.
+
+    `stretch` lengthens the noise along x, y; a higher exponent `rough` is smoother.
     """
     fy, fx = np.meshgrid(np.fft.fftfreq(size) * size, np.fft.rfftfreq(size) * size, indexing="ij")
     radius = np.sqrt((fx * stretch[0]) ** 2 + (fy * stretch[1]) ** 2)
@@ -51,29 +52,29 @@ def cloud(rng: np.random.Generator, size: int, rough: float = 1.6, stretch: tupl
 
 
 def grain(rng: np.random.Generator, size: int) -> np.ndarray:
-    """(size, size) white noise, mean 0, standard deviation 1."""
+    """White noise (size, size), mean 0, standard deviation 1."""
     return rng.standard_normal((size, size), dtype=np.float32)
 
 
 def ramp(field: np.ndarray, stops: Sequence[tuple[float, float, float]]) -> np.ndarray:
-    """(h, w, 3) float32 0..255: a field 0..1 coloured along evenly spaced stops."""
+    """Map a field 0..1 to colours (h, w, 3) float32 0..255 along evenly spaced stops."""
     at = np.linspace(0, 1, len(stops))
     table = np.stack([np.interp(np.linspace(0, 1, 256), at, [s[k] for s in stops]) for k in range(3)], -1).astype(np.float32)
     return table[(np.clip(field, 0, 1) * 255).astype(np.uint8)]
 
 
 def rgb(colour: Sequence[float]) -> np.ndarray:
-    """(3,) float32 of a colour."""
+    """Colour as (3,) float32."""
     return np.asarray(colour, np.float32)
 
 
 def image(colours: np.ndarray) -> np.ndarray:
-    """(h, w, 3) uint8 of 0..255 values."""
+    """Convert values 0..255 to (h, w, 3) uint8."""
     return np.clip(np.asarray(colours) + 0.5, 0, 255).astype(np.uint8)
 
 
 def flat(rng: np.random.Generator, size: int, colour: tuple[float, ...], mottle: float = 6.0) -> np.ndarray:
-    """(size, size, 3) float32 of one colour with faint clouds and grain."""
+    """Image (size, size, 3) float32 of one colour with faint clouds and grain."""
     tone = (cloud(rng, size) - 0.5) * mottle * 3 + grain(rng, size) * mottle * 0.4
     return np.asarray(colour, np.float32) + tone[..., None]
 
@@ -81,7 +82,7 @@ def flat(rng: np.random.Generator, size: int, colour: tuple[float, ...], mottle:
 def vivid(
     rng: np.random.Generator, value: tuple[float, float] = (110, 235), saturation: tuple[float, float] = (0.4, 0.9)
 ) -> tuple[int, ...]:
-    """A random saturated colour, sRGB 0..255."""
+    """Random saturated colour, sRGB 0..255."""
     hsv = np.array([[[rng.integers(180), 255 * rng.uniform(*saturation), rng.uniform(*value)]]]).astype(np.uint8)
     return tuple(int(c) for c in cv2.cvtColor(hsv, cv2.COLOR_HSV2RGB)[0, 0])
 
@@ -98,12 +99,12 @@ def write(
 
 
 def word(rng: np.random.Generator) -> str:
-    """A word that stands on packages."""
+    """Random word of a package."""
     return WORDS[rng.integers(len(WORDS))]
 
 
 def barcode(canvas: np.ndarray, rng: np.random.Generator, x: int, y: int, w: int, h: int) -> None:
-    """Black bars on white."""
+    """Draw black bars on white."""
     cv2.rectangle(canvas, (x, y), (x + w, y + h), (245, 245, 245), -1)
     at = x + 3
     while at < x + w - 4:
@@ -113,7 +114,7 @@ def barcode(canvas: np.ndarray, rng: np.random.Generator, x: int, y: int, w: int
 
 
 def small_print(canvas: np.ndarray, rng: np.random.Generator, x: int, y: int, w: int, h: int, colour: tuple[int, ...]) -> None:
-    """Lines that look like tiny text."""
+    """Draw lines that look like small print."""
     for top in range(y, y + h - 3, 6):
         at = x
         while at < x + w - 4:

@@ -1,7 +1,7 @@
-"""Which triangle is seen at each sample: a z-buffer on homogeneous edge functions.
+"""Z-buffer rasteriser on homogeneous edge functions: the triangle and depth of every sample.
 
-Every triangle becomes a (3, 3) matrix E with E @ (x, y, 1) = barycentrics / depth at image point (x, y) (Olano and Greer 1997),
-so triangles that cross the camera plane need no clipping, and interpolation is perspective-correct for free.
+Every triangle becomes a (3, 3) matrix E with E @ (x, y, 1) = barycentrics / depth at image point (x, y) (Olano and Greer 1997).
+Triangles that cross the camera plane need no clipping, and interpolation is perspective-correct.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from afford.render.scene import BACKGROUND, Batch, Camera
 
 NEAR_M = 0.02
 SEAM = -1e-9
-"""Samples this far outside an edge still count, so that neighbours leave no gap for rounding."""
+"""samples this far outside an edge still count, so that rounding leaves no gap between neighbours"""
 
 
 def project(vertices: np.ndarray, camera: Camera) -> np.ndarray:
-    """(v, 3) world metres to (v, 3) homogeneous pixels (x * depth, y * depth, depth)."""
+    """Project (v, 3) world metres to (v, 3) homogeneous pixels (x * depth, y * depth, depth)."""
     T = np.linalg.inv(camera.T_world_cam)
     P = camera.K @ T[:3]
     return vertices @ P[:, :3].T + P[:, 3]
@@ -27,7 +27,10 @@ def project(vertices: np.ndarray, camera: Camera) -> np.ndarray:
 
 @numba.njit(cache=True, fastmath=True)
 def edges(points, faces, width, height):  # type: ignore[no-untyped-def]  # numba infers
-    """Edge matrices (f, 3, 3) float64 and pixel boxes (f, 4) int32 (x0, y0, x1, y1 exclusive, empty when not seen)."""
+    """Compute edge matrices (f, 3, 3) float64 and pixel boxes (f, 4) int32.
+
+    A box is x0, y0, x1, y1, ends exclusive; it is empty for a triangle outside the image.
+    """
     count = len(faces)
     E = np.zeros((count, 3, 3))
     bounds = np.zeros((count, 4), np.int32)
@@ -55,7 +58,7 @@ def edges(points, faces, width, height):  # type: ignore[no-untyped-def]  # numb
 
 @numba.njit(cache=True, fastmath=True)
 def _bounds(a, b, c):  # type: ignore[no-untyped-def]
-    """Image box of a triangle cut at the near plane."""
+    """Compute the image box of a triangle that is cut at the near plane."""
     x0, y0, x1, y1 = 1e9, 1e9, -1e9, -1e9
     for k in range(3):
         p = a if k == 0 else (b if k == 1 else c)
@@ -72,9 +75,10 @@ def _bounds(a, b, c):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, fastmath=True)
 def fill(E, bounds, first, last, supersample, nearness, seen):  # type: ignore[no-untyped-def]
-    """Draw triangles first..last into `nearness` (H, W) float32 = 1 / depth (0 is empty) and `seen` (H, W) int32.
+    """Rasterise triangles first..last into `nearness` (H, W) float32 and `seen` (H, W) int32.
 
-    The arrays are `supersample` times the image each way; sample i lies at pixel coordinate (i + .5) / supersample - .5.
+    `nearness` is 1 / depth (0 is empty), `seen` the triangle index. The arrays are `supersample` times the image size; sample i is
+    at pixel coordinate (i + .5) / supersample - .5.
     """
     height, width = nearness.shape
     step = 1.0 / supersample
@@ -101,12 +105,15 @@ def fill(E, bounds, first, last, supersample, nearness, seen):  # type: ignore[n
 
 
 Seen = tuple[np.ndarray, np.ndarray]
-"""Triangle index (int32, -1 none) and 1 / depth (float32) of every sample."""
+"""triangle index (int32, -1 none) and 1 / depth (float32) of every sample"""
 
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A batch seen by a camera: edge matrices and pixel boxes of its triangles, and the faces of each part."""
+    """Batch of instances seen by a camera: edge matrices and pixel boxes of its triangles, faces of each part.
+
+    Some entities can be drawn last, so that one pass gives the visible triangles with and without them.
+    """
 
     scene: Batch
     camera: Camera
@@ -121,7 +128,7 @@ class View:
         return View(scene, camera, E, bounds, np.searchsorted(scene.part, np.arange(len(scene.entity) + 1)))
 
     def seen(self, supersample: int, last: frozenset[int] = frozenset()) -> tuple[Seen, Seen]:
-        """What is seen without the entities in `last`, and with everything."""
+        """Rasterise without the entities in `last`, and with all entities."""
         shape = (self.camera.height * supersample, self.camera.width * supersample)
         near, face = np.zeros(shape, np.float32), np.full(shape, -1, np.int32)
         late = np.isin(self.scene.entity, list(last))
@@ -133,14 +140,14 @@ class View:
         return without, (face, near)
 
     def alone(self, entity: int) -> np.ndarray:
-        """(h, w) bool: every pixel of one entity, whatever stands before it."""
+        """Rasterise one entity alone: its amodal mask (h, w) bool."""
         near = np.zeros((self.camera.height, self.camera.width), np.float32)
         face = np.full(near.shape, -1, np.int32)
         self._draw(np.flatnonzero(self.scene.entity == entity), 1, near, face)
         return face >= 0
 
     def ids(self, face: np.ndarray) -> np.ndarray:
-        """(h, w) int16 entity of each triangle index."""
+        """Map triangle indices to entities (h, w) int16."""
         return np.append(self.scene.entity[self.scene.part], np.int16(BACKGROUND))[face]
 
     def _draw(self, parts: np.ndarray, supersample: int, near: np.ndarray, face: np.ndarray) -> None:
@@ -149,5 +156,5 @@ class View:
 
 
 def depth(near: np.ndarray) -> np.ndarray:
-    """Depth in metres of 1 / depth; 0 where nothing is."""
+    """Convert 1 / depth to depth in metres; 0 for empty samples."""
     return np.where(near > 0, 1.0 / np.maximum(near, 1e-9), 0.0).astype(np.float32)

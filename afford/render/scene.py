@@ -1,4 +1,4 @@
-"""The nouns of the renderer: camera, light, material, instance and what comes out.
+"""Scene types of the renderer: camera, light, material, instance, texture pool, batch, and its results.
 
 World axes: z up, metres. Camera axes: x right, y down, z forward. Pixel (x, y) has its centre at integer coordinates.
 """
@@ -17,7 +17,7 @@ BACKGROUND = -1
 
 @dataclass(frozen=True)
 class Camera:
-    """A pinhole. `K` (3, 3) px; `T_world_cam` (4, 4) maps camera to world, metres."""
+    """Pinhole camera; `K` (3, 3) px, `T_world_cam` (4, 4) maps camera to world, metres."""
 
     K: np.ndarray
     T_world_cam: np.ndarray
@@ -27,82 +27,82 @@ class Camera:
 
 @dataclass(frozen=True)
 class Light:
-    """A key light with soft shadows, a soft ceiling light, and sky and ground ambience. Colours are linear RGB radiance."""
+    """Key light with soft shadows, soft ceiling light, ambience of sky and ground; linear RGB radiance."""
 
     direction: tuple[float, float, float] = (-0.45, 0.35, -0.8)
-    """Travel direction of the key light in the world (from the lamp to the scene)."""
+    """travel direction of the key light in the world (from the lamp to the scene)"""
     colour: tuple[float, float, float] = (1.9, 1.75, 1.5)
     ceiling: tuple[float, float, float] = (0.5, 0.52, 0.58)
-    """Radiance of the broad light from above."""
+    """radiance of the broad light from above"""
     sky: tuple[float, float, float] = (0.3, 0.31, 0.34)
     ground: tuple[float, float, float] = (0.14, 0.11, 0.09)
     softness: float = 0.09
-    """Tangent of the key light's angular radius: penumbra width = softness x distance to the blocker."""
+    """tangent of the key light's angular radius: penumbra width = softness x distance to the blocker"""
     centre: tuple[float, float, float] = (0.0, 0.35, 0.1)
-    """Middle of the region that has shadows, world, metres."""
+    """centre of the region with shadows, world, metres"""
     radius_m: float = 0.85
     exposure: float = 1.0
     vignette: float = 0.12
-    """Share of light lost in the corners of the image."""
+    """share of light lost in the corners of the image"""
 
 
 @dataclass(frozen=True, eq=False)
 class Material:
-    """How a surface looks. `image` is (s, t, 3) uint8 sRGB, repeated over uv; it is compared by identity."""
+    """Surface material; `image` is (s, t, 3) uint8 sRGB, repeated over uv, and compared by identity."""
 
     image: np.ndarray
     tint: tuple[float, float, float] = (1.0, 1.0, 1.0)
     specular: float = 0.04
-    """Reflectance at normal incidence: 0.04 plastic and glaze, 0.6 metal."""
+    """reflectance at normal incidence: 0.04 plastic and glaze, 0.6 metal"""
     roughness: float = 0.5
     bump: float = 0.0
-    """Relief read out of the image's brightness; 0 is smooth."""
+    """relief from the brightness of the image; 0 is smooth"""
     metal: float = 0.0
-    """1 when the reflection takes the colour of the image."""
+    """1 for a reflection in the colour of the image"""
     skin: float = 0.0
-    """1 for light that wraps around and reddens, as in skin."""
+    """1 for wrapped, reddened light, as on skin"""
 
 
 @dataclass(frozen=True, eq=False)
 class Instance:
-    """A mesh put into the world."""
+    """Mesh with a material and a pose in the world."""
 
     mesh: Mesh
     material: Material
     T_world_mesh: np.ndarray = field(default_factory=lambda: np.eye(4))
     entity: int = BACKGROUND
-    """Number in the id map; BACKGROUND for the room and clutter."""
+    """number in the id map; BACKGROUND for the room and clutter"""
     vertices: np.ndarray | None = None
     """(v, 3) world vertices of a skinned mesh, instead of T_world_mesh."""
     casts: bool = True
-    """Whether it throws shadows (room surfaces do not)."""
+    """True for an instance that casts shadows (room surfaces do not)"""
 
 
 @dataclass(frozen=True)
 class Rendered:
-    """An image with its exact maps. `ids` and `depth_m` are taken at pixel centres, never blended."""
+    """Image with exact maps; `ids` and `depth_m` are taken at pixel centres and never blended."""
 
     rgb: np.ndarray
-    """(h, w, 3) uint8."""
+    """(h, w, 3) uint8"""
     ids: np.ndarray
-    """(h, w) int16: entity, BACKGROUND elsewhere."""
+    """(h, w) int16: entity, BACKGROUND elsewhere"""
     depth_m: np.ndarray
-    """(h, w) float32 along the optical axis, 0 where nothing is."""
+    """(h, w) float32 along the optical axis, 0 for the background"""
 
 
 @dataclass(frozen=True)
 class Bundle:
-    """Everything that is true of one frame."""
+    """Ground truth of one frame."""
 
     rgb: np.ndarray
     rgb_no_hands: np.ndarray
-    """Without hands and without their shadows, (h, w, 3) uint8."""
+    """without hands and without their shadows, (h, w, 3) uint8"""
     rgb_no_hands_shadow: np.ndarray
-    """Without hands, their shadows kept, (h, w, 3) uint8."""
+    """without hands, with their shadows, (h, w, 3) uint8"""
     ids: np.ndarray
     depth_m: np.ndarray
     amodal: np.ndarray
-    """(n, h, w) bool: entity n alone, as if nothing stood before it."""
+    """(n, h, w) bool: entity n alone, without occluders"""
 
 
 GAMMA = 2.2
@@ -110,8 +110,10 @@ GAMMA = 2.2
 
 @dataclass(frozen=True, eq=False)
 class Textures:
-    """A pool of mip-mapped images. `texels` (n, 3) uint8: 255 x the square root of linear RGB; `levels` (images, levels, 3)
-    int64: offset, height, width of each level; `layer` finds an image by identity (the pool keeps the images alive).
+    """Pool of mip-mapped images in one flat array, so that one kernel can read any of them.
+
+    `texels` (n, 3) uint8 is 255 x the square root of linear RGB. `levels` (images, levels, 3) int64 has offset, height and width of
+    each level. `layer` maps the identity of an image to its index; the pool keeps the images alive.
     """
 
     texels: np.ndarray
@@ -121,7 +123,7 @@ class Textures:
 
     @staticmethod
     def of(materials: Iterable[Material]) -> Textures:
-        """The pool of the images that these materials use. ValueError when a side is not a power of two."""
+        """Build the pool of the images of these materials. ValueError for a side that is not a power of two."""
         unique = {id(m.image): m.image for m in materials}
         for image in unique.values():
             if any(side & (side - 1) for side in image.shape[:2]):
@@ -141,7 +143,7 @@ class Textures:
 
 
 def linear(image: np.ndarray) -> np.ndarray:
-    """(h, w, 3) uint8 sRGB to float32 linear 0..1."""
+    """Convert (h, w, 3) uint8 sRGB to float32 linear 0..1."""
     return ((np.arange(256) / 255.0) ** GAMMA).astype(np.float32)[image]
 
 
@@ -161,8 +163,10 @@ def _pyramid(image: np.ndarray) -> list[np.ndarray]:
 
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """(v, 3) world vertices, normals, colours; (v, 2) uv; (f, 3) faces; (f,) part of each face; per part: entity int16,
-    texture layer, and `looks` (tint rgb, specular, roughness, bump, metal, skin).
+    """Instances flattened into world-space triangles with a table of materials, as the kernels read them.
+
+    (v, 3) world vertices, normals, colours; (v, 2) uv; (f, 3) faces; (f,) part of each face. For each part: entity int16, texture
+    layer, and `looks` (tint rgb, specular, roughness, bump, metal, skin).
     """
 
     vertices: np.ndarray
@@ -178,7 +182,7 @@ class Batch:
 
 
 def batch(instances: Sequence[Instance], textures: Textures) -> Batch:
-    """All instances as one."""
+    """Flatten instances into one batch."""
     placed = [_placed(i) for i in instances]
     starts = np.cumsum([0] + [len(v) for v, _ in placed[:-1]])
     faces = [i.mesh.faces + np.int32(s) for i, s in zip(instances, starts, strict=True)]
@@ -198,7 +202,7 @@ def batch(instances: Sequence[Instance], textures: Textures) -> Batch:
 
 
 def _placed(instance: Instance) -> tuple[np.ndarray, np.ndarray]:
-    """World vertices and normals of one instance, float32."""
+    """Transform the vertices and normals of one instance to the world, float32."""
     if instance.vertices is not None:
         points = np.ascontiguousarray(instance.vertices, np.float32)
         return points, smooth_normals(points, instance.mesh.faces)

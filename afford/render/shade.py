@@ -1,7 +1,7 @@
-"""The colour of pixels: each surface seen in a pixel is shaded once and weighted by the samples it covers.
+"""Pixel shading: each surface of a pixel is shaded once and weighted by the samples it covers.
 
-Filtered textures (trilinear, anisotropic), relief from brightness, Lambert with wrapped light for skin, GGX highlights
-(Walter 2007), two soft-shadowed lamps, hemisphere ambience, a filmic curve (Narkowicz 2015) and a little vignetting.
+Filtered textures (trilinear, anisotropic), relief from brightness, Lambert with wrapped light for skin, GGX highlights (Walter
+2007), two lights with soft shadows, hemisphere ambience, a filmic curve (Narkowicz 2015) and slight vignetting.
 """
 
 from __future__ import annotations
@@ -9,16 +9,16 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from afford.render.shadows import lit
+from afford.render.shadows import lamp_visibility
 
 F = np.float32
 DISPLAY = (np.linspace(0, 1, 4096) ** (2 / 2.2)).astype(np.float32)
-"""Display encoding of a square root."""
+"""display encoding of a square root"""
 
 
 @numba.njit(cache=True, fastmath=True, inline="always")
 def _texel(texels, offset, h, w, u, v):  # type: ignore[no-untyped-def]  # numba infers
-    """Bilinear texel of one level at (u, v) in its own texels, wrapped; linear RGB."""
+    """Interpolate a texel of one level at (u, v) in texels, wrapped; linear RGB."""
     left, top = np.floor(u), np.floor(v)
     s, t = u - left, v - top
     j, i = int(left), int(top)
@@ -34,7 +34,7 @@ def _texel(texels, offset, h, w, u, v):  # type: ignore[no-untyped-def]  # numba
 
 @numba.njit(cache=True, fastmath=True, inline="always")
 def sample(texels, levels, layer, u, v, ux, vx, uy, vy):  # type: ignore[no-untyped-def]
-    """Filtered linear RGB at uv, given the change of uv from one pixel to the next along x and y."""
+    """Sample filtered linear RGB at uv, given the change of uv between pixels along x and y."""
     h, w = F(levels[layer, 0, 1]), F(levels[layer, 0, 2])
     long_u, long_v = ux * w, vx * h
     short, long = (uy * w) ** 2 + (vy * h) ** 2, long_u**2 + long_v**2
@@ -65,7 +65,7 @@ def sample(texels, levels, layer, u, v, ux, vx, uy, vy):  # type: ignore[no-unty
 
 @numba.njit(cache=True, fastmath=True)
 def _film(x):  # type: ignore[no-untyped-def]
-    """Filmic tone curve, then display encoding, 0..1."""
+    """Apply the filmic tone curve and the display encoding, 0..1."""
     x = max(x, F(0)) * F(0.75)
     y = (x * (F(2.51) * x + F(0.03))) / (x * (F(2.43) * x + F(0.59)) + F(0.14))
     return DISPLAY[int(np.sqrt(min(y, F(1))) * F(len(DISPLAY) - 1) + F(0.5))]
@@ -73,7 +73,7 @@ def _film(x):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, fastmath=True)
 def shade(want, supersample, E, seen, nearness, geometry, looks, textures, eye, lamps, maps, ambience, vignette, out):  # type: ignore[no-untyped-def]
-    """Colour the pixels in `want` (h, w) bool of `out` (h, w, 3) uint8."""
+    """Shade the pixels in `want` (h, w) bool of `out` (h, w, 3) uint8."""
     height, width = want.shape
     count = supersample * supersample
     faces, part = np.zeros(count, np.int32), geometry[5]
@@ -116,7 +116,7 @@ def _falloff(x, y, width, height, vignette):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, fastmath=True, inline="always")
 def _mix(table, i, j, k, axis, a, b, c):  # type: ignore[no-untyped-def]
-    """One column of a vertex table, interpolated."""
+    """Interpolate one column of a vertex table."""
     return table[i, axis] * a + table[j, axis] * b + table[k, axis] * c
 
 
@@ -128,7 +128,7 @@ def _unit(x, y, z):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, fastmath=True, inline="always")
 def _surface(px, py, face, E, geometry, looks, textures, eye, lamps, maps, ambience):  # type: ignore[no-untyped-def]
-    """Linear RGB of the triangle `face` seen at image point (px, py)."""
+    """Shade the triangle `face` at image point (px, py); linear RGB."""
     vertices, normals, colours, uv, faces, part, layers = geometry
     texels, levels = textures
     a = E[face, 0, 0] * px + E[face, 0, 1] * py + E[face, 0, 2]
@@ -161,7 +161,7 @@ def _surface(px, py, face, E, geometry, looks, textures, eye, lamps, maps, ambie
 
 @numba.njit(cache=True, fastmath=True, inline="always")
 def _light(P, N, V, albedo, looks, p, lamps, maps, ambience):  # type: ignore[no-untyped-def]
-    """Reflected light. `lamps` (n, 20): frame (12), direction to the lamp (3), colour (3), softness, texel."""
+    """Compute reflected light; `lamps` (n, 20): frame (12), direction to the lamp (3), colour (3), softness, texel."""
     specular, metal, skin = looks[p, 3], looks[p, 6], looks[p, 7]
     alpha = max(looks[p, 4] * looks[p, 4], F(0.02))
     nv = max(N[0] * V[0] + N[1] * V[1] + N[2] * V[2], F(0.02))
@@ -197,7 +197,7 @@ def _light(P, N, V, albedo, looks, p, lamps, maps, ambience):  # type: ignore[no
 
 @numba.njit(cache=True, fastmath=True, inline="always")
 def _room(x, y, z, rough):  # type: ignore[no-untyped-def]
-    """What a mirror sees of the room: dark table, brighter wall, a window band; blurred by roughness."""
+    """Reflected environment: dark table, brighter wall, a window band; blurred by roughness."""
     band = max(F(0), F(1) - abs(z - F(0.45)) * F(2.6)) * (F(0.55) + F(0.45) * np.sin(F(3) * x + F(2) * y))
     return F(0.5) + F(0.5) * z + band * (F(1) - rough) * F(1.3)
 
@@ -209,17 +209,17 @@ def _sky(ambience, channel, up):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, fastmath=True, inline="always")
 def _seen(P, N, lamps, n, maps):  # type: ignore[no-untyped-def]
-    """Share of the lamp seen from a point a little above the surface."""
+    """Compute the visible share of a lamp from a point slightly above the surface."""
     qx, qy, qz = P[0] + N[0] * F(0.004), P[1] + N[1] * F(0.004), P[2] + N[2] * F(0.004)
     x = lamps[n, 0] * qx + lamps[n, 1] * qy + lamps[n, 2] * qz + lamps[n, 3]
     y = lamps[n, 4] * qx + lamps[n, 5] * qy + lamps[n, 6] * qz + lamps[n, 7]
     z = lamps[n, 8] * qx + lamps[n, 9] * qy + lamps[n, 10] * qz + lamps[n, 11] - F(0.002)
-    return lit(maps, n, x, y, z, lamps[n, 18], lamps[n, 19])
+    return lamp_visibility(maps, n, x, y, z, lamps[n, 18], lamps[n, 19])
 
 
 @numba.njit(cache=True, fastmath=True, inline="always")
 def _gloss(N, V, lamps, n, nl, nv, alpha, specular):  # type: ignore[no-untyped-def]
-    """GGX highlight of one lamp, bounded."""
+    """Compute the bounded GGX highlight of one lamp."""
     hx, hy, hz = _unit(lamps[n, 12] + V[0], lamps[n, 13] + V[1], lamps[n, 14] + V[2])
     nh = max(N[0] * hx + N[1] * hy + N[2] * hz, F(0))
     vh = max(V[0] * hx + V[1] * hy + V[2] * hz, F(0))

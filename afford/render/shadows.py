@@ -1,4 +1,4 @@
-"""Shadow maps of parallel lights, and how much of a lamp a point sees (percentage-closer soft shadows, Fernando 2005)."""
+"""Soft shadows: shadow maps of parallel lights with percentage-closer soft shadows (Fernando 2005)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ FAR = np.float32(1e6)
 
 @dataclass(frozen=True, eq=False)
 class Lamp:
-    """A parallel light: `frame` (3, 4) float32 maps world to (texel x, texel y, depth in metres along the light)."""
+    """Parallel light; `frame` (3, 4) float32 maps world to (texel x, texel y, depth in metres along the light)."""
 
     frame: np.ndarray
     texel_m: float
@@ -25,7 +25,7 @@ class Lamp:
 
 
 def lamps(light: Light) -> list[Lamp]:
-    """The key light and the broad light from above."""
+    """Return the key light and the broad light from above."""
     key = _lamp(light, light.direction, light.softness, light.colour)
     above = _lamp(light, (0.08, 0.12, -1.0), 0.55, light.ceiling)
     return [key, above]
@@ -42,7 +42,7 @@ def _lamp(light: Light, direction: tuple[float, float, float], softness: float, 
 
 
 def depth_maps(scene: Batch, lamp: Lamp, last: frozenset[int], full: np.ndarray, bare: np.ndarray) -> None:
-    """Draw the depth of what the lamp hits first into `full`, and, without the entities in `last`, into `bare` (SIZE, SIZE)."""
+    """Draw shadow maps (SIZE, SIZE): `full` of all entities, `bare` without the entities in `last`."""
     points = (scene.vertices @ lamp.frame[:, :3].T + lamp.frame[:, 3]).astype(np.float32)
     late = np.isin(scene.entity, list(last))
     _fill_depth(points, scene.faces, (scene.casts & ~late)[scene.part], bare)
@@ -51,8 +51,8 @@ def depth_maps(scene: Batch, lamp: Lamp, last: frozenset[int], full: np.ndarray,
         _fill_depth(points, scene.faces, (scene.casts & late)[scene.part], full)
 
 
-def reach(lamp: Lamp) -> float:
-    """How far a shadow map is searched around a point, in texels."""
+def search_radius(lamp: Lamp) -> float:
+    """Return the blocker search radius around a point of a shadow map, in texels."""
     return min(0.12 * lamp.softness / lamp.texel_m + 2.0, 40.0)
 
 
@@ -79,7 +79,7 @@ def _fill_depth(points, faces, keep, out):  # type: ignore[no-untyped-def]  # nu
 
 
 def _spiral(count: int) -> np.ndarray:
-    """(count, 2) points evenly spread in the unit disk (Vogel)."""
+    """Spread (count, 2) points evenly in the unit disk (Vogel)."""
     k = np.arange(count) + 0.5
     turn = k * 2.399963229728653
     return (np.sqrt(k / count)[:, None] * np.stack([np.cos(turn), np.sin(turn)], -1)).astype(np.float32)
@@ -90,18 +90,18 @@ SEARCH = _spiral(12)
 
 
 @numba.njit(cache=True, fastmath=True)
-def lit(maps, n, x, y, z, softness, texel_m):  # type: ignore[no-untyped-def]
-    """Share 0..1 of the lamp seen from light-space (x, y texels, z metres)."""
-    reach = min(np.float32(0.12) * softness / texel_m + np.float32(2.0), np.float32(40.0))
+def lamp_visibility(maps, n, x, y, z, softness, texel_m):  # type: ignore[no-untyped-def]
+    """Compute the visible share 0..1 of the lamp from light-space (x, y texels, z metres)."""
+    search_radius = min(np.float32(0.12) * softness / texel_m + np.float32(2.0), np.float32(40.0))
     total, blockers = np.float32(0.0), 0
     for k in range(len(SEARCH)):
-        i, j = int(y + SEARCH[k, 1] * reach + 0.5), int(x + SEARCH[k, 0] * reach + 0.5)
+        i, j = int(y + SEARCH[k, 1] * search_radius + 0.5), int(x + SEARCH[k, 0] * search_radius + 0.5)
         if 0 <= i < SIZE and 0 <= j < SIZE and maps[n, i, j] < z:
             total += maps[n, i, j]
             blockers += 1
     if blockers == 0:
         return np.float32(1.0)
-    radius = min(max((z - total / blockers) * softness / texel_m, 1.5), reach)
+    radius = min(max((z - total / blockers) * softness / texel_m, 1.5), search_radius)
     share = np.float32(0.0)
     for k in range(len(DISK)):
         share += _compare(maps, n, x + DISK[k, 0] * radius, y + DISK[k, 1] * radius, z)
@@ -110,7 +110,7 @@ def lit(maps, n, x, y, z, softness, texel_m):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, fastmath=True)
 def _compare(maps, n, x, y, z):  # type: ignore[no-untyped-def]
-    """Bilinear share of the four texels around (x, y) that do not block."""
+    """Interpolate the share of the four texels around (x, y) that do not block."""
     j, i = int(x), int(y)
     if i < 0 or j < 0 or i >= SIZE - 1 or j >= SIZE - 1:
         return np.float32(1.0)
@@ -124,13 +124,14 @@ def _compare(maps, n, x, y, z):  # type: ignore[no-untyped-def]
 
 
 CELL = 8
-"""Shadow maps are compared in cells of this many texels."""
+"""shadow maps are compared in cells of this many texels"""
 
 
 @dataclass(frozen=True, eq=False)
 class Lighting:
-    """Lamps and ambience as the kernel wants them; `full` and `bare` (lamps, SIZE, SIZE) are the depth maps with and without
-    the entities that were named last.
+    """Lights and ambience in the form of the kernel, with shadow maps.
+
+    `full` and `bare` (lamps, SIZE, SIZE) are the depth maps with and without the entities that are drawn last.
     """
 
     lamps: tuple[Lamp, ...]
@@ -153,11 +154,11 @@ class Lighting:
         return Lighting(both, np.array(rows, np.float32), ambience, light.vignette, full, bare)
 
     def touched(self, camera: Camera, depth_m: np.ndarray) -> np.ndarray:
-        """(h, w) bool: the pixels, seen at these depths (h, w), whose light may differ between the two sets of maps."""
+        """Find pixels (h, w) bool, at depths (h, w), whose light may differ between the two sets of maps."""
         out = np.zeros(depth_m.shape, np.bool_)
         for lamp, full, bare in zip(self.lamps, self.full, self.bare, strict=True):
             cells = (full != bare).reshape(SIZE // CELL, CELL, SIZE // CELL, CELL).any(axis=(1, 3)).astype(np.uint8)
-            around = 2 * (int(np.ceil((reach(lamp) + 4) / CELL)) + 1) + 1
+            around = 2 * (int(np.ceil((search_radius(lamp) + 4) / CELL)) + 1) + 1
             near = cv2.dilate(cells, np.ones((around, around), np.uint8))
             column, row = (
                 np.clip(texel / CELL, 0, SIZE // CELL - 1).astype(np.int32) for texel in _texels(lamp, camera, depth_m)
@@ -167,7 +168,7 @@ class Lighting:
 
 
 def _texels(lamp: Lamp, camera: Camera, depth_m: np.ndarray) -> list[np.ndarray]:
-    """Shadow map x and y, each (h, w), of what is seen at these depths."""
+    """Map pixels at these depths to shadow map coordinates x and y, each (h, w)."""
     rays = lamp.frame[:2, :3] @ camera.T_world_cam[:3, :3] @ np.linalg.inv(camera.K)
     start = lamp.frame[:2, :3] @ camera.T_world_cam[:3, 3] + lamp.frame[:2, 3]
     y, x = np.ogrid[0 : camera.height, 0 : camera.width]

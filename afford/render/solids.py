@@ -1,4 +1,4 @@
-"""Solids of everyday things: lathed, boxed, swept, extruded. All return a `Mesh` with sensible uv (1 uv unit = 1 texture)."""
+"""Solids of household objects: lathed, boxed, swept, extruded. One uv unit is one texture."""
 
 from __future__ import annotations
 
@@ -8,7 +8,10 @@ from afford.render.mesh import Mesh, mesh
 
 
 def grid_faces(rows: int, columns: int) -> np.ndarray:
-    """(f, 3) int32 triangles of a (rows, columns) grid of vertices, row-major; outside is to the right of +row, +column."""
+    """Triangulate a (rows, columns) grid of vertices, row-major: (f, 3) int32.
+
+    The outside is to the right of +row, +column.
+    """
     index = np.arange(rows * columns, dtype=np.int32).reshape(rows, columns)
     a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]
     return np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
@@ -17,9 +20,9 @@ def grid_faces(rows: int, columns: int) -> np.ndarray:
 def lathe(
     profile: np.ndarray, sides: int = 48, *, repeat_u: float = 1.0, v_per_m: float = 0.0, crease_deg: float = 35.0
 ) -> Mesh:
-    """A solid of revolution about z. `profile` (n, 2) of (radius, height), going from bottom to top on the outside.
+    """Build a solid of revolution about z; `profile` (n, 2) of (radius, height) runs upwards on the outside.
 
-    u runs around (`repeat_u` textures), v down the profile (images stand upright; 1 texture, or `v_per_m` textures a metre).
+    u runs around (`repeat_u` textures), v down the profile (upright images; 1 texture, or `v_per_m` textures per metre).
     """
     line = np.asarray(profile, np.float32)
     length = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
@@ -42,7 +45,7 @@ def tube(
     repeat: tuple[float, float] = (1.0, 1.0),
     up: tuple[float, float, float] = (0.0, 0.0, 1.0),
 ) -> Mesh:
-    """A closed sweep of an ellipse along `path` (n, 3); `radius` (n,) across, times `flat` along the local up."""
+    """Sweep an ellipse along `path` (n, 3), closed; `radius` (n,) across, times `flat` along the local up."""
     line = np.asarray(path, np.float64)
     r = np.broadcast_to(np.asarray(radius, np.float64), (len(line),))
     along = np.gradient(line, axis=0)
@@ -61,7 +64,10 @@ def tube(
 
 
 def box(size: tuple[float, float, float], bevel: float = 0.002, *, uv_per_m: float = 0.0) -> Mesh:
-    """A box standing on z = 0, edges cut by `bevel`. Each side shows one whole texture, or `uv_per_m` textures a metre."""
+    """Build a box on z = 0 with edges cut by `bevel`.
+
+    Each side shows one whole texture, or `uv_per_m` textures per metre.
+    """
     half = np.asarray(size, np.float64) / 2
     points: list[np.ndarray] = []
     faces: list[np.ndarray] = []
@@ -81,7 +87,7 @@ def box(size: tuple[float, float, float], bevel: float = 0.002, *, uv_per_m: flo
 
 
 def _side(half: np.ndarray, bevel: float, axis: int, sign: float) -> tuple[np.ndarray, np.ndarray]:
-    """Four corners of one side, counter-clockwise seen from outside, with uv upright on the vertical sides."""
+    """Return four corners of one side, counter-clockwise seen from outside; uv is upright on vertical sides."""
     right, up = {0: (1, 2), 1: (0, 2), 2: (0, 1)}[axis]
     flip = sign if axis != 1 else -sign
     unit = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], np.float64)
@@ -101,7 +107,7 @@ def _metric_uv(quads: np.ndarray, per_m: float) -> np.ndarray:
 
 
 def _bevels(quads: np.ndarray, half: np.ndarray, bevel: float) -> np.ndarray:
-    """Faces that close the gaps between the shrunk sides: the convex hull's faces that are not sides."""
+    """Close the gaps between the shrunk sides with the other faces of their convex hull."""
     from scipy.spatial import ConvexHull
 
     hull = ConvexHull(quads)
@@ -116,7 +122,7 @@ def _bevels(quads: np.ndarray, half: np.ndarray, bevel: float) -> np.ndarray:
 
 
 def extrude(outline: np.ndarray, height: float, *, uv_per_m: float = 0.0) -> Mesh:
-    """A star-shaped flat outline (n, 2), counter-clockwise, made `height` thick upwards from z = 0."""
+    """Extrude a star-shaped flat outline (n, 2), counter-clockwise, upwards from z = 0 by `height`."""
     line = np.asarray(outline, np.float64)
     count = len(line)
     centre = line.mean(axis=0)
@@ -137,7 +143,7 @@ def extrude(outline: np.ndarray, height: float, *, uv_per_m: float = 0.0) -> Mes
 
 
 def patch(origin: np.ndarray, right: np.ndarray, up: np.ndarray, repeat: tuple[float, float] = (1.0, 1.0)) -> Mesh:
-    """A rectangle from `origin` along the vectors `right` and `up` (metres); its front looks along right x up."""
+    """Build a rectangle from `origin` along `right` and `up` (metres); its front faces right x up."""
     points = np.array([origin, np.add(origin, right), np.add(np.add(origin, right), up), np.add(origin, up)])
     uv = np.array([[0, repeat[1]], [repeat[0], repeat[1]], [repeat[0], 0], [0, 0]])
     return mesh(points, np.array([[0, 1, 2], [0, 2, 3]]), uv)

@@ -1,1 +1,1 @@
-"""From RGB-D interaction to affordance of the last frame (SOR3D-AFF)."""
+"""RGB-D interactions: where an object affords what, learned from video of its use (SOR3D-AFF)."""

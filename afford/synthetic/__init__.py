@@ -1,1 +1,1 @@
-"""Worlds with exact ground truth, written in the published formats."""
+"""Synthetic scenes, objects and interactions with exact ground truth, written in the published file formats."""

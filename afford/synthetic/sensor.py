@@ -1,4 +1,4 @@
-"""From exact depth to what a depth camera gives: noise that grows with the square of the distance, steps, and holes."""
+"""Sensor models: depth camera noise that grows with the square of the distance, quantization and holes; colour sensor noise."""
 
 from __future__ import annotations
 
@@ -6,19 +6,19 @@ import cv2
 import numpy as np
 
 STEP_M = 0.001
-"""Depth comes in whole millimetres."""
+"""Quantization step of depth, metres."""
 GRAZING = 0.17
-"""Cosine of the angle between surface and ray below which little comes back (80 degrees)."""
+"""Cosine of the angle between normal and ray below which little light returns (80 degrees)."""
 SPECKLE = 0.62
 """Level of blurred noise above which a small patch is missing."""
 JUMP_M = 0.015
-"""A surface that bends by more than this within a pixel is two surfaces (inverse depth is linear on planes)."""
+"""Bend of a surface within a pixel above which it counts as two surfaces, metres (inverse depth is linear on planes)."""
 
 
 def measure_depth(depth_m: np.ndarray, K: np.ndarray, noise: float, rng: np.random.Generator) -> np.ndarray:
-    """(h, w) float32 depth as a sensor sees it, 0 = hole. `noise` scales the whole; 0 leaves nothing but the steps.
+    """Simulate the depth (h, w) float32 of a depth camera, 0 for a hole. `noise` scales all noise; 0 leaves the quantization.
 
-    Axial noise 1.2 mm + 1.9 mm (z - 0.4)^2 and its lateral blur are those of Nguyen, Izadi and Lovell 2012 (Kinect), z in metres.
+    Axial noise of 1.2 mm + 1.9 mm (z - 0.4)^2, z in metres, and lateral noise follow Nguyen, Izadi and Lovell 2012 (Kinect).
     """
     if noise <= 0:
         return quantize_depth(depth_m)
@@ -32,12 +32,12 @@ def measure_depth(depth_m: np.ndarray, K: np.ndarray, noise: float, rng: np.rand
 
 
 def quantize_depth(depth_m: np.ndarray) -> np.ndarray:
-    """Depth in whole millimetres, (h, w) float32."""
+    """Round depth to whole millimetres, (h, w) float32."""
     return (np.round(np.maximum(depth_m, 0) / STEP_M).astype(np.uint16) * np.float64(STEP_M)).astype(np.float32)
 
 
 def depth_holes(depth_m: np.ndarray, K: np.ndarray, noise: float, rng: np.random.Generator) -> np.ndarray:
-    """(h, w) bool: where nothing comes back: beside edges of depth (mixed pixels), at grazing angles, and a few anywhere."""
+    """Mark pixels without a return, (h, w) bool: at depth edges (mixed pixels), at grazing angles, and a few random patches."""
     ring = np.ones((3, 3), np.uint8)
     inverse = 1.0 / np.maximum(depth_m, 0.05)
     jump = cv2.dilate(np.abs(cv2.Laplacian(inverse, cv2.CV_32F, borderType=cv2.BORDER_REPLICATE)) * depth_m**2, ring) > JUMP_M
@@ -49,7 +49,7 @@ def depth_holes(depth_m: np.ndarray, K: np.ndarray, noise: float, rng: np.random
 
 
 def cos_incidence(depth_m: np.ndarray, K: np.ndarray) -> np.ndarray:
-    """(h, w) cosine of the angle between the surface's normal and the ray to the camera, from differences of depth."""
+    """Compute the cosine (h, w) of the angle between surface normal and camera ray from depth differences."""
     height, width = depth_m.shape
     y, x = np.mgrid[0:height, 0:width]
     points = np.stack([(x - K[0, 2]) / K[0, 0], (y - K[1, 2]) / K[1, 1], np.ones_like(x)], -1) * depth_m[..., None]

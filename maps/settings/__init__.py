@@ -1,4 +1,4 @@
-"""The parameters of every stage, by system, and where the data come from."""
+"""Parameters of every stage, by system, and the sources of a run."""
 
 from __future__ import annotations
 
@@ -16,8 +16,9 @@ from schemas.scene import RenderedClip, SceneSpec
 
 
 class Origin(NamedTuple):
-    """Where the videos come from: clips to render, or what is on disk (`truth` is an empty tree where there is none; `bare` videos
-    have no masks).
+    """Sources of a run: clips to render, or files on disk.
+
+    `truth` is an empty tree where there is none; `bare` videos have no masks.
     """
 
     name: str
@@ -33,10 +34,10 @@ class Origin(NamedTuple):
     bare: bool = False
     motions: FileTree | None = None
     parts: tuple[tuple[str, Origin], ...] = ()
-    """of several targets that are made together: what each is made of"""
+    """sources of each of several targets that run together"""
 
     def of(self, part: str) -> Origin:
-        """What one of several targets is made of; all of it where there is one alone."""
+        """Return the sources of one of several targets, or all of them when there is only one."""
         return dict(self.parts).get(part, self)
 
 
@@ -45,7 +46,7 @@ __all__ = ["PRESETS", "SYSTEMS", "SYSTEM_OF", "Origin", "Settings"]
 
 @dataclass(frozen=True)
 class Settings:
-    """The parameters of every stage, by system; a stage has its name in one system alone."""
+    """Parameters of every stage, by system. A stage name occurs in one system only."""
 
     extraction: Extraction = Extraction()
     twohands: Twohands = Twohands()
@@ -58,11 +59,11 @@ class Settings:
 
     @classmethod
     def of(cls, **stages: Any) -> Settings:
-        """The defaults but for the parameters of some stages: `Settings.of(mask_densify=mask_densify.Params(radius=3))`."""
+        """Return the defaults with other parameters of some stages: `Settings.of(mask_densify=mask_densify.Params(radius=3))`."""
         return cls().with_stages(**stages)
 
     def with_stages(self, **stages: Any) -> Settings:
-        """The same with other parameters of some stages. TypeError for a stage that no system has."""
+        """Return a copy with other parameters of some stages. Raises TypeError for an unknown stage."""
         unknown = stages.keys() - SYSTEM_OF.keys()
         if unknown:
             raise TypeError(f"Settings: expected names of stages, got {', '.join(sorted(unknown))}")
@@ -70,7 +71,7 @@ class Settings:
         return replace(self, **{system: replace(getattr(self, system), **mine) for system, mine in changed.items() if mine})
 
     def params(self, stage: str) -> Any:
-        """The parameters of a stage, whichever system has it."""
+        """Return the parameters of a stage, whichever system has it."""
         return getattr(getattr(self, SYSTEM_OF[stage]), stage)
 
 

@@ -1,4 +1,4 @@
-"""Parameters of worlds that are rendered: kitchens, stills, procedural objects, table-top interactions."""
+"""Parameters of the synthetic sources: kitchen clips, stills, procedural objects, table-top interactions."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from stages.synthetic import (
 
 @dataclass(frozen=True)
 class Synthetic:
-    """The parameters of every stage of the system, by stage."""
+    """Parameters of every stage of the system, by stage."""
 
     scene_render: scene_render.Params = scene_render.Params()
     train_plan: train_plan.Params = train_plan.Params()

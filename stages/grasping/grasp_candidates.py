@@ -1,10 +1,10 @@
-"""a depth picture and the regions of hands in it -> grasps with six degrees of freedom, best first.
+"""a depth image and the regions of hands in it -> 6-DoF grasp candidates, best first.
 
-Reads   GraspScene: depth, camera, region of each hand, which hands the task takes, what no hand may touch
-Writes  GraspCandidates: for each hand poses of the grip, widths, fingertips, scores and what they are made of; pairs of both hands
-Method  cloud, its normals and the plane that the thing lies on; poses over the region with the fingers across its narrow side; one
-        score of positive and negative regions, shape, surroundings and arm. Nothing is drawn by chance
-Fails   when a hand that is taken has no region with depth
+Reads   GraspScene: depth, camera, region of each hand, hands that the task uses, negative region
+Writes  GraspCandidates: for each hand grip poses, widths, fingertips, scores and their terms; pairs of both hands
+Method  point cloud, normals and support plane; poses over the region with the fingers across its narrow side; one score of positive
+        and negative regions, shape, surroundings and arm. Deterministic
+Fails   when a hand of the task has no region with depth
 Paper   2HandedAfforder, section on the robot: masks become grasps of one or two arms by the taxonomy
 """
 
@@ -21,30 +21,32 @@ MEMORY_GIB = 0.5
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of grasp_candidates."""
+
     count: int = 10
-    """grasps of each hand"""
+    """grasp candidates per hand"""
     places: int = 64
-    """places that are tried in each region"""
+    """places tried in each region"""
     cell_m: float = 0.004
-    """distance of the points that the picture is thinned to"""
+    """voxel size to which the point cloud is downsampled"""
     around_m: float = 0.2
-    """how far around the regions the picture is looked at"""
+    """margin around the regions within which points are used"""
     span_m: float = 0.09
-    """the widest that a hand spans"""
+    """largest opening of a hand"""
     lean_deg: float = 60.0
-    """how far from upright a hand may come to a thing that lies on something"""
+    """largest tilt from the vertical of an approach to an object on a support plane"""
     shoulder_m: tuple[float, float, float] = (0.2, 0.25, 0.0)
-    """where the right arm comes from, in the camera's frame; the left one mirrored in x"""
+    """shoulder of the right arm, in the camera's frame; the left one is mirrored in x"""
 
     def __post_init__(self) -> None:
-        """Every number has a range."""
+        """Check the ranges."""
         low = [name for name in ("count", "places", "cell_m", "around_m", "span_m", "lean_deg") if not getattr(self, name) > 0]
         if low:
             raise ValueError(f"grasp_candidates.{low[0]}: expected above 0, got {getattr(self, low[0])}")
 
 
 def run(scene: GraspScene, params: Params) -> GraspCandidates:
-    """Find the grasps."""
+    """Find grasp candidates in one scene."""
     from dataclasses import asdict
 
     from afford.grasping.candidates.find import SearchParams, find_candidates

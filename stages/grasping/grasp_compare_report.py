@@ -1,10 +1,10 @@
-"""comparisons on all objects -> a table with intervals, and the same as JSON.
+"""comparisons on all objects -> a table with confidence intervals, and the same as JSON.
 
 Reads   GraspComparison of each object
-Writes  grasp_compare.md and grasp_compare.json: shares of trials with Wilson's intervals; differences of success between methods,
+Writes  grasp_compare.md and grasp_compare.json: shares of trials with Wilson intervals; differences of success between methods,
         paired by object, with intervals by resampling objects
-Method  counting; trials on one object are not independent, which the second interval allows for and the first does not
-Fails   when there is no comparison, or objects were tried by other methods or engines
+Method  counts; trials on one object are not independent, which only the second interval accounts for
+Fails   without a comparison, or when objects were compared with different methods or engines
 Paper   2HandedAfforder, robot experiment
 """
 
@@ -23,12 +23,14 @@ MEMORY_GIB = 0.3
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of grasp_compare_report."""
+
     seed: int = 0
-    """of the resampling"""
+    """seed of the resampling"""
 
 
 def run(comparisons: tuple[GraspComparison, ...], params: Params, ctx: Context) -> FileTree:
-    """Count."""
+    """Write table and JSON."""
     from dataclasses import asdict
 
     from afford.common.files import empty_folder, tree, write_json

@@ -1,10 +1,10 @@
-"""a policy, tasks, a physics engine -> how it grasps: episodes with all their figures, some of them step by step.
+"""a policy, tasks, a physics engine -> evaluation episodes with all figures, some of them step by step.
 
-Reads   HandModel; GraspTasks of one level; the policy (FileTree of rl_grasp_refinement or grasp_student, or none: the base
-        alone); motions of people (ReferenceSet), which likeness is measured beside
+Reads   HandModel; GraspTasks of one level; the policy (FileTree of rl_grasp_refinement or grasp_student; empty: the base
+        alone); human motion (ReferenceSet), with which likeness is measured
 Writes  GraspEpisodes
-Method  the policy's mean action, strict physics, the same beginnings for every policy; each task as often as another
-Fails   ValueError for no tasks, or a policy that does not fit
+Method  the policy's mean action, strict physics, the same starts for every policy; equally many episodes of each task
+Fails   ValueError without tasks, or for a policy that does not fit the environment
 Paper   AffordDex: Succ, AS, HLS over randomly placed objects; our readings of them: docs/grasping/grasping.md
 """
 
@@ -25,40 +25,42 @@ MEMORY_GIB = 1.5
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of grasp_evaluate."""
+
     policy: str = "teacher"
-    """what the policy is called in tables"""
+    """name of the policy in tables"""
     engine: str = "bullet"
     """bullet or mujoco"""
     episodes: int = 200
-    """at least so many, the same number of each task"""
+    """least number of episodes, equally many of each task"""
     at_once: int = 48
-    """most worlds at a time"""
+    """worlds simulated at once, at most"""
     iterations: int = 100
-    """of the solver"""
+    """iterations of the physics solver"""
     rate_hz: int = 480
-    """of the solver"""
+    """rate of the physics solver"""
     poses: str = "flat"
-    """flat, or dropped: objects that fell at random"""
+    """flat, or dropped: objects are dropped in random orientations"""
     push_n: float = 0.0
     """force of random pushes on the raised object"""
     base: str = "script"
-    """where there is no policy: what acts instead, script or none"""
+    """without a policy: the base that acts, script or none"""
     start: str = "anywhere"
-    """where there is no policy: where it begins, part or anywhere"""
+    """without a policy: where the hand begins, part or anywhere"""
     traces: int = 6
-    """episodes that are kept step by step"""
+    """episodes recorded step by step"""
     seed: int = 20267
-    """of where objects lie and hands begin"""
+    """seed of object poses and starts"""
 
 
 def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], policy: FileTree, references: ReferenceSet, params: Params,
         ctx: Context) -> GraspEpisodes:  # fmt: skip
-    """Play all episodes."""
+    """Run all episodes."""
     from afford.grasping.evaluate.evaluate_policy import EvaluationParams, evaluate_policy
 
     mine = tuple(one for some in tasks for one in some)
     if not mine:
-        raise ValueError("grasp_evaluate: expected tasks, got none; see grasp_tasks for what can be held")
+        raise ValueError("grasp_evaluate: no tasks; grasp_tasks lists the parts that can be held")
     wanted = EvaluationParams(params.policy, params.engine, params.episodes, params.at_once, params.iterations, params.rate_hz,
                          params.poses, params.push_n, params.base, params.start, params.traces,
                          params.seed)  # fmt: skip

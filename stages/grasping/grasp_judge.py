@@ -1,7 +1,7 @@
-"""episodes of one policy, step by step -> how much a vision-language model thinks that they look like a person's.
+"""recorded episodes of one policy -> scores of human likeness by a vision-language model.
 
-Reads   HandModel; GraspTasks; GraspEpisodes, of which only those with a trace are shown; files of a model (vlm)
-Writes  GraspJudgement: a score of 1 to 10 of each trace
+Reads   HandModel; GraspTasks; GraspEpisodes, of which those with a trace are judged; files of a model (vlm)
+Writes  GraspJudgement: a score of 1 to 10 for each trace
 Method  frames of an episode, evenly in time, on one sheet; the model marks trajectory, smoothness and coordination together.
         `vlm` asks a local model, `endpoint` one behind an OpenAI-compatible server. Only where one is named is the stage in a graph
 Fails   when there is no model or server, no key where one is asked for, or the answer has no number from 1 to 10
@@ -29,14 +29,16 @@ BACKENDS = {"vlm": "afford.grasping.judge:judge_by_model", "endpoint": "afford.g
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of grasp_judge."""
+
     backend: str = "vlm"
     """vlm or endpoint"""
     frames: int = 12
-    """moments of an episode that are shown, on one sheet"""
+    """frames of an episode on one sheet"""
     width: int = 240
-    """of each, px"""
+    """width of a frame, px"""
     height: int = 180
-    """px"""
+    """height of a frame, px"""
     vlm: Chat = Chat(new_tokens=256)
     """parameters of vlm"""
     endpoint: Endpoint = Endpoint(new_tokens=256)
@@ -48,30 +50,30 @@ class Params:
 
 
 def is_named(params: Params) -> bool:
-    """Whether a model or a server is named: where none is, no model is asked."""
+    """Test whether a model or a server is named; without one the stage is not part of a graph."""
     named = {"vlm": params.vlm.model, "endpoint": params.endpoint.model or params.endpoint.url}
     return bool(named.get(params.backend))
 
 
 def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], episodes: GraspEpisodes, params: Params,
         weights: FileTree | None = None) -> GraspJudgement:  # fmt: skip
-    """Ask about every trace."""
+    """Judge every trace."""
     import numpy as np
 
     from afford.common.registry import block, load
-    from afford.grasping.env.studio import Studio
-    from afford.models.weights import with_local_weights
+    from afford.grasping.env.rendering import GraspRenderer
+    from afford.models.weights import with_weights
 
     own = block(params, params.backend)
-    judge, given = load(BACKENDS, params.backend), with_local_weights(own, weights)
+    judge, given = load(BACKENDS, params.backend), with_weights(own, weights)
     known, scores = {one.name: one for some in tasks for one in some}, list[float]()
     for trace in episodes.traces:
         if trace.task not in known:
-            raise ValueError(f"grasp_judge, {episodes.name}: expected the tasks of its traces, got none named {trace.task}; "
-                             "give it the tasks that the policy was examined on")
+            raise ValueError(f"grasp_judge, {episodes.name}: no task is named {trace.task}; pass the tasks that the policy "
+                             "was evaluated on")
         rows = np.linspace(0, len(trace.q) - 1, params.frames).round().astype(int)
-        studio = Studio(hand, known[trace.task], params.width, params.height)
-        frames = np.stack([studio.shoot(trace, row).rgb for row in rows.tolist()])
+        renderer = GraspRenderer(hand, known[trace.task], params.width, params.height)
+        frames = np.stack([renderer.render(trace, row).rgb for row in rows.tolist()])
         scores.append(judge(trace.name, frames, rows / trace.rate_hz, given))
     return GraspJudgement(episodes.name, episodes.policy, episodes.engine, params.backend, own.model,
                           tuple(trace.name for trace in episodes.traces), np.array(scores, np.float64))  # fmt: skip

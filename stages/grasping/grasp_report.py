@@ -1,13 +1,13 @@
-"""episodes of many policies -> the report: tables beside the published rows, a flat dict of metrics, curves.
+"""episodes of many policies -> the report: tables next to the published rows, a flat dict of metrics, curves.
 
 Reads   GraspEpisodes; TrainingLog of the trainings; ClipsFollowed of the prior; TwoTasks of policies, and their sheets;
-        GraspJudgement of a policy; GraspTasks whose N_t (`predicted`) or A_t (`positives`) was predicted, where there are some
-        GraspExam of all that was planned, finished or not
+        GraspJudgement of a policy; GraspTasks with predicted N_t (`predicted`) or A_t (`positives`); GraspExam of all planned
+        evaluations, finished or not
 Writes  metrics.json (<policy>.<figure>.<level>; with an engine's name in front where that is not PyBullet), scores.json (seed by
         seed), report.md, curves.png, two_tasks.png
-Method  means over episodes, then over seeds; Wilson's intervals; the teacher against rows without a prior
+Method  means over episodes, then over seeds; Wilson intervals; the teacher compared with rows without a prior
         (hti.*_with, _without, _by_script)
-Fails   ValueError when nothing was played, or when those two did not learn equally long
+Fails   ValueError without episodes, or when the compared rows were trained for different numbers of steps
 Paper   AffordDex, tables of results and ablations
 """
 
@@ -28,25 +28,26 @@ MEMORY_GIB = 0.5
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of grasp_report."""
+
     rows: tuple[str, ...] = ("teacher", "no_negative", "student", "naa_only", "neither", "on_script", "on_script_no_negative",
                              "lambda_half", "lambda_double", "positive_truth", "transfer_none", "transfer_hti", "transfer_naa",
                              "transfer_both")
-    """grasp_full: what is trained (evaluate/recipes.py); student comes after its teacher; `positive` asks for a two-hand model,
-    which is trained where there is none"""
+    """grasp_full: rows to train (evaluate/recipes.py); a student follows its teacher; `positive` needs a two-hand model, which is
+    trained unless it is cached"""
     seeds: int = 3
-    """grasp_full: trainings of each row, with the seeds 0, 1, ..."""
+    """grasp_full: trainings per row, with seeds 0, 1, ..."""
     engines: tuple[str, ...] = ("bullet", "mujoco")
-    """in which policies are examined"""
+    """engines in which policies are evaluated"""
     naa: bool = True
-    """grasp_full: the first teacher is also examined on new shapes with N_t as negative affordances are predicted for them; the
-    scorer of parts is trained where there is none"""
+    """grasp_full: also evaluate the first teacher on new shapes with predicted N_t; the part scorer is trained unless cached"""
 
 
 def run(episodes: tuple[GraspEpisodes, ...], logs: tuple[TrainingLog, ...], followed: tuple[ClipsFollowed, ...],
         pairs: tuple[TwoTasks, ...], sheets: tuple[FileTree, ...], judged: tuple[GraspJudgement, ...], params: Params, ctx: Context,
         predicted: tuple[tuple[GraspTask, ...], ...] = (),
         positives: tuple[tuple[GraspTask, ...], ...] = (), planned: tuple[GraspExam, ...] = ()) -> FileTree:  # fmt: skip
-    """One report of all policies."""
+    """Write the report of all policies."""
     from afford.grasping.evaluate.report import ReportInputs, write_report
 
     told, drawn = (tuple(one for some in tasks for one in some) for tasks in (predicted, positives))

@@ -1,13 +1,13 @@
-"""a teacher, a hand and tasks -> a student that sees what a robot sees, and acts like its teacher.
+"""a teacher, a hand and tasks -> a student that acts like its teacher from depth cameras and proprioception.
 
-Reads   HandModel, GraspTasks to learn on, the FileTree of a teacher (rl_grasp_refinement)
+Reads   HandModel, GraspTasks to train on, the FileTree of a teacher (rl_grasp_refinement)
 Writes  Trained: files (student.json, student.safetensors, tensorboard/) and the TrainingLog
-Method  DAgger in MuJoCo: the student acts, the teacher, which sees the object's state, says what it would have done; the mean
-        squared error of that. The student sees depth as a cloud, N_t, and the robot's own senses (docs/grasping/student.md).
-        Killed, it goes on to the same weights
-Fails   without tasks, for files that are no teacher
-Paper   AffordDex, stage 2, the vision student: R, P from cameras, N; PointNets and a transformer. size,
-        views, size_px, points, sampling, layout and n_t have values that are the paper's
+Method  DAgger in MuJoCo: the student acts, the teacher, which observes the object's state, labels the visited states; mean squared
+        error of actions. The student observes a point cloud, N_t and proprioception (docs/grasping/student.md). A training that was
+        killed resumes to the same weights
+Fails   without tasks, or for files without a teacher
+Paper   AffordDex, stage 2, the vision student: R, P from cameras, N; PointNets and a transformer. the
+        published values of size, views, size_px, points, sampling, layout and n_t are named below
 """
 
 from __future__ import annotations
@@ -28,88 +28,91 @@ MEMORY_GIB = 3.0
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of grasp_student."""
+
     name: str = "student"
-    """of the policy and its curves"""
+    """name of the policy and its curves"""
     seed: int = 0
-    """of weights, places, yaws and minibatches"""
+    """seed of weights, object poses and minibatches"""
     rounds: int = 40
     """episodes of every world, each followed by learning"""
     worlds: int = 16
-    """computed side by side, at least one for each task; tasks are taken in turn"""
+    """worlds simulated at once, at least one per task; tasks are taken in turn"""
     updates: int = 120
     """minibatches after a round"""
     batch: int = 128
-    """moments in a minibatch"""
+    """rows of a minibatch"""
     buffer: int = 80000
-    """moments that are remembered"""
+    """rows of the replay buffer"""
     led: int = 4
-    """rounds over which the teacher's share of the worlds falls to none"""
+    """rounds over which the share of worlds that the teacher acts in falls from 1 to 0"""
     lr: float = 1e-3
-    """of Adam; it falls to 0"""
+    """learning rate of Adam; it falls to 0"""
     size: str = "small"
-    """of the network: small, or paper"""
+    """size of the network: small, or paper"""
     views: int = 2
-    """cameras; the paper has 5"""
+    """number of cameras; the paper has 5"""
     size_px: int = 96
-    """of a picture; the paper has 256"""
+    """width and height of an image; the paper has 256"""
     points: int = 512
-    """of a cloud; the paper has 1024"""
+    """points of a cloud; the paper has 1024"""
     sampling: str = "even"
-    """of points among pixels: even, or farthest (the paper's)"""
+    """sampling of points: even (pixels at even intervals), or farthest (farthest point sampling, the paper's)"""
     layout: str = "small"
-    """of the robot's own numbers: small, or paper"""
+    """layout of the robot's own numbers: small, or paper"""
     n_t: str = "first_look"
-    """first_look: N_t stays where it lay at first; tracked: it moves with the object's true pose (the paper's)"""
+    """first_look: N_t stays at its place of the first step; tracked: it moves with the object's true pose (the paper's)"""
     randomise: bool = False
-    """whether physics, latency and the noise of depth differ between worlds"""
+    """randomise physics, latency and depth noise over worlds"""
     iterations: int = 100
-    """of the physics' solver, at most"""
+    """iterations of the physics solver, at most"""
 
 
 def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], teacher: FileTree, params: Params, ctx: Context) -> Trained:
-    """Train in the scratch folder, where a killed training goes on."""
+    """Train the student in the scratch folder, from which a training that was killed resumes."""
     from afford.common.files import tree
-    from afford.grasping.env.core import Grasping
-    from afford.grasping.env.task import of
-    from afford.grasping.policies import acting, teach
-    from afford.grasping.policies.lessons import Lessons
+    from afford.grasping.env.grasp_worlds import GraspWorlds
+    from afford.grasping.env.task import from_grasp_task
+    from afford.grasping.policies.load_policy import load_policy
+    from afford.grasping.policies.train_student import DistillationEnv, export_student, train_student
     from afford.training import curves
     from afford.training.loop import deterministic
 
-    expert = acting.load(teacher, {})
-    mine = [of(one) for some in tasks for one in some]
-    if not mine or expert.teacher is None:
-        raise ValueError(f"grasp_student: expected a task or more and the files of a teacher, got {len(mine)} tasks and "
+    policy = load_policy(teacher, {})
+    train_tasks = [from_grasp_task(one) for some in tasks for one in some]
+    if not train_tasks or policy.teacher is None:
+        raise ValueError(f"grasp_student: expected a task or more and the files of a teacher, got {len(train_tasks)} tasks and "
                          f"{teacher.name} with {', '.join(file.name for file in teacher.files) or 'no file'}")
+    sensors = _sensors(params)
     with deterministic(THREADS, "cpu"):
-        chosen = [mine[k % len(mine)] for k in range(max(params.worlds, len(mine)))]
-        core = Grasping(hand, chosen, _config(params, expert))
+        chosen = [train_tasks[k % len(train_tasks)] for k in range(max(params.worlds, len(train_tasks)))]
+        core = GraspWorlds(hand, chosen, _env_config(params, policy))
         try:
-            lessons = Lessons(core, expert.actor(core), _senses(params), params.seed)
-            model, state = teach.train(lessons, params.size, _plan(params), ctx.scratch, ctx.progress)
+            envs = DistillationEnv(core, policy.actor(core), sensors, params.seed)
+            model, state = train_student(envs, params.size, _training_config(params), ctx.scratch, ctx.progress)
         finally:
             core.close()
-    root = teach.write(ctx.scratch, model, _senses(params), {**expert.facts, "seed": params.seed})
+    root = export_student(ctx.scratch, model, sensors, {**policy.facts, "seed": params.seed})
     return Trained(tree(params.name, root), curves.training_log(params.name, state.points, state.best_step, state.step))
 
 
-def _config(p: Params, expert):  # type: ignore[no-untyped-def]  # Policy and Config are leafs' types, and leafs load inside `run`
+def _env_config(p: Params, policy):  # type: ignore[no-untyped-def]  # types of leaf modules, which are imported inside functions
     from dataclasses import replace
 
     from afford.grasping.sim.scene import Physics
 
-    return replace(expert.config("mujoco", Physics(iterations=p.iterations), "flat", 0.0), randomise=p.randomise, seed=p.seed)
+    return replace(policy.config("mujoco", Physics(iterations=p.iterations), "flat", 0.0), randomise=p.randomise, seed=p.seed)
 
 
-def _senses(p: Params):  # type: ignore[no-untyped-def]  # Senses is a leaf's type, and leafs load inside `run`
-    from afford.grasping.policies.cameras import Rig
-    from afford.grasping.policies.sight import Eyes
-    from afford.grasping.policies.student import Senses
+def _sensors(p: Params):  # type: ignore[no-untyped-def]  # as above
+    from afford.grasping.policies.depth_cameras import CameraRig
+    from afford.grasping.policies.student import StudentSensors
+    from afford.grasping.policies.student_obs import CloudSampling
 
-    return Senses(Rig(p.views, p.size_px), Eyes(p.points, p.sampling, p.layout), p.n_t)
+    return StudentSensors(CameraRig(p.views, p.size_px), CloudSampling(p.points, p.sampling, p.layout), p.n_t)
 
 
-def _plan(p: Params):  # type: ignore[no-untyped-def]  # Config is a leaf's type, and leafs load inside `run`
-    from afford.grasping.rl.dagger import Config
+def _training_config(p: Params):  # type: ignore[no-untyped-def]  # as above
+    from afford.grasping.rl.dagger import DaggerConfig
 
-    return Config(p.rounds, p.updates, p.batch, p.buffer, p.led, p.lr, seed=p.seed)
+    return DaggerConfig(p.rounds, p.updates, p.batch, p.buffer, p.led, p.lr, seed=p.seed)

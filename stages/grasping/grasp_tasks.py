@@ -1,12 +1,11 @@
-"""an object and the lexicon -> its uses as grasp tasks: what to hold, which parts a hand must not touch.
+"""an object and the lexicon -> its uses as grasp tasks: the part to hold and the negative parts.
 
 Reads   ObjectSpec, GraspObject
-Writes  GraspTask of every use that can be held, at every scale
-Method  the lexicon says which parts a use forbids and where the hand belongs; a use is left out when what is
-        safe of the part to hold, 2 cm from what is forbidden, is too short or too thick for the hand, or too thin to be lifted off
-        a table, and when what is forbidden is far from where one would grasp; N_t are farthest points of the forbidden parts,
-        A_t of what is safe of the part to hold
-Fails   ValueError for a category that the lexicon does not have, or numbers out of range
+Writes  GraspTask of every use whose part a hand can hold, at every scale
+Method  the lexicon names the negative and positive parts of a use. A use is left out when the safe points of the part to hold,
+        2 cm from negative parts, are too short or too thick for the hand or too thin to be lifted off a table, or when the negative
+        parts are far from the place of a usual grasp. N_t are a farthest point sample of the negative parts, A_t of the safe points
+Fails   ValueError for a category that is not in the lexicon, or numbers out of range
 Paper   AffordDex: 100 negative points of each object; tasks are ours
 """
 
@@ -24,31 +23,33 @@ MEMORY_GIB = 0.3
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of grasp_tasks."""
+
     scales: tuple[float, ...] = (1.0,)
-    """sizes of the object; 1 is as it was built"""
+    """scales of the object; 1 is the built size"""
     level: str = ""
-    """what these tasks are for (schemas/grasp.py LEVELS); '' takes it from the split of the object"""
+    """level of the tasks (schemas/grasp.py LEVELS); '' takes it from the split of the object"""
     least_length_m: float = 0.07
-    """shortest safe stretch of a part that is held"""
+    """least length of the safe points of the part to hold"""
     thickness_m: tuple[float, float] = (0.009, 0.06)
-    """thinnest and thickest: the second extent across its length"""
+    """least and largest thickness: the extents across the length"""
     ballast: tuple[float, ...] = (1.0,)
-    """how many times as dense as the rest forbidden parts are: 1 is as it was built, 6 a blade of steel on a handle of wood"""
+    """density of negative parts relative to the rest: 1 as built, 6 a steel blade on a wooden handle"""
     within_m: float = 0.05
-    """farthest that forbidden points may be from the centre of mass along the object: where they are farther, a hand that grasps
-    near that centre meets none of them, and the task asks nothing"""
+    """largest distance of negative points from the centre of mass along the object; beyond it a usual grasp does not meet them, and
+    the task is trivial"""
 
 
 def run(spec: ObjectSpec, body: GraspObject, params: Params) -> tuple[GraspTask, ...]:
-    """The tasks of one object; none where no use can be held."""
-    from afford.grasping.env.uses import scaled, uses
+    """Derive the tasks of one object; an empty tuple where no use has a part to hold."""
+    from afford.grasping.env.task_rules import scaled, tasks_of
 
     for field in ("scales", "ballast"):
         if not getattr(params, field) or min(getattr(params, field)) <= 0:
             raise ValueError(f"grasp_tasks.{field}: expected numbers above 0, got {getattr(params, field)}")
     level = params.level or {"train": "train", "val": "val", "seen": "unseen_object", "unseen": "unseen_category"}[spec.split]
     return tuple(one for scale in params.scales for heavy in params.ballast
-                 for one in uses(scaled(body, scale), spec.category, level, _label("x", scale) + _label("+", heavy),
+                 for one in tasks_of(scaled(body, scale), spec.category, level, _label("x", scale) + _label("+", heavy),
                                  params.least_length_m, params.thickness_m, params.within_m, heavy))  # fmt: skip
 
 

@@ -1,12 +1,12 @@
-"""a hand, objects and how people grasp them -> the prior: a policy that moves as they do (AffordDex, stage 1: HTI).
+"""a hand, objects and human grasps of them -> the prior, a policy that imitates human motion (AffordDex, stage 1: HTI).
 
-Reads   HandModel; GraspObjects; GraspTargets and the ReferenceSet of the clips that were made or read for them, each clip named
-        <target>_<number> and in the frame of its target's world
+Reads   HandModel; GraspObjects; GraspTargets and the ReferenceSet of their clips, each clip named <target>_<number> and in the
+        frame of its target's world
 Writes  Trained: policy.json (network, facts: role, layout, rates, steps, start), policy.safetensors, tensorboard/; curves
-Method  clips that do not lift their object when they are followed are dropped; then DAgger (the expert follows the clip, and
-        along the object it follows whoever moves the hand), then PPO for the rewards of imitation. The object is there and is
-        seen as AffordanceGrasp shows it to a prior; parts are not. Killed, it goes on to the same weights
-Fails   ValueError, one sentence: no clip that lifts, clips without a target or an object, a parameter out of range
+Method  clips that do not lift their object in simulation are dropped; then DAgger (the expert follows the clip; along the object
+        it makes the clip's moves from wherever the hand is), then PPO with imitation rewards. The object is present and observed
+        as AffordanceGrasp shows it to a prior, without parts. A training that was killed resumes to the same weights
+Fails   ValueError: no clip lifts its object, a clip without a target or an object, a parameter out of range
 Paper   AffordDex, HTI: PPO alone, imitation and smoothness; clips of OakInk2; the prior is frozen afterwards
 """
 
@@ -26,90 +26,92 @@ MEMORY_GIB = 2.0
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of hand_imitation."""
+
     seed: int = 0
-    """of weights, episodes and noise"""
+    """seed of weights, episodes and noise"""
     cloning: int = 60
-    """updates of DAgger, one episode of every world each"""
+    """updates of DAgger, each with one episode of every world"""
     alone: int = 20
-    """from this update on the policy acts; before, more and more often instead of the expert"""
+    """update from which the policy acts in all worlds; before, the expert acts in a falling share of them"""
     memory: int = 12
-    """episodes of every world that are learned from"""
+    """episodes of every world in the replay buffer"""
     passes: int = 2
-    """over them in an update"""
+    """passes over the buffer in an update"""
     batch: int = 512
-    """rows of a step of Adam"""
+    """rows of a minibatch"""
     lr: float = 1e-3
-    """of Adam in DAgger; it falls to a tenth"""
+    """learning rate of DAgger; it falls to a tenth"""
     noise: float = 0.08
-    """standard deviation of what is added to actions there"""
+    """standard deviation of the noise on actions in DAgger"""
     nudged: float = 0.5
-    """share of episodes in which somebody moves the hand along the object on its way down"""
+    """share of episodes in which the hand is moved along the object on its way down"""
     reinforcing: int = 0
     """updates of PPO; 30 of them made the prior worse (docs/grasping/imitation.md)"""
     critic: int = 6
-    """the first of them, in which only the critic learns"""
+    """first updates of PPO, in which only the critic learns"""
     ppo_lr: float = 1e-4
     """learning rate of PPO; it falls to 0"""
     reward: str = "paper"
     """paper: fingers and power; code: what AffordDex's code has (docs/grasping/grasp-environments.md)"""
     worlds: int = 24
-    """worlds; objects are taken in turn"""
+    """worlds simulated at once; objects are taken in turn"""
     steps: int = 40
     """control steps of an episode"""
     lift_m: float = 0.20
-    """how high clips lift"""
+    """height to which clips lift"""
     hidden: tuple[int, ...] = (256, 256)
-    """widths of the network"""
+    """widths of the hidden layers"""
     std: float = 0.12
-    """spread of actions when PPO begins"""
+    """standard deviation of actions at the start of PPO"""
     proofs: int = 1
-    """a clip is kept when so many episodes that follow it end with the object held, in each of the engines; 0 keeps all"""
+    """a clip is kept when this many simulated episodes of it end with the object held, in each engine; 0 keeps all clips"""
     proof_engines: tuple[str, ...] = ("mujoco", "bullet")
-    """those engines"""
+    """engines of this test"""
     shift_m: float = 0.03
-    """clips are shifted along their object by up to this, both ways"""
+    """largest shift of clips along their object, both ways"""
     astray: tuple[float, float, float] = (0.006, 0.04, 0.06)
-    """standard deviations of the hand's beginning: m and rad of the wrist, rad of the fingers"""
+    """standard deviations of the start: m and rad of the wrist, rad of the fingers"""
     engine: str = "mujoco"
-    """in which it is trained: mujoco or bullet"""
+    """engine of the training: mujoco or bullet"""
 
 
 def run(hand: HandModel, bodies: tuple[GraspObject, ...], targets: tuple[GraspTarget, ...], references: ReferenceSet,
         params: Params, ctx: Context) -> Trained:  # fmt: skip
-    """Train in the scratch folder, where a killed training goes on."""
+    """Train the prior in the scratch folder, from which a training that was killed resumes."""
     from afford.common.files import tree
-    from afford.grasping.imitation import prior_files
-    from afford.grasping.imitation.prior import train
+    from afford.grasping.imitation.clip_filter import prior_data
+    from afford.grasping.imitation.train_prior import export_prior, new_prior, train_prior
     from afford.training import curves
     from afford.training.loop import deterministic
 
     _check(params)
-    with deterministic(1, "cpu"):  # the threads compute worlds, and nothing else has begun that could use the other core
-        lessons = prior_files.lessons(hand, bodies, targets, references.references, _rehearsal(params), params.proofs,
-                                      params.proof_engines, params.worlds, params.seed)
-        model = prior_files.fresh(lessons.core, params.hidden, params.std, params.seed)
-        points = [*lessons.points, *train(lessons.core, model, _plan(params), ctx.scratch, ctx.progress)]
-        lessons.core.close()
-    root = prior_files.write(ctx.scratch / "out", model, lessons)
+    with deterministic(1, "cpu"):  # the second thread computes worlds, so torch gets one
+        data = prior_data(hand, bodies, targets, references.references, _env_config(params), params.proofs, params.proof_engines,
+                          params.worlds, params.seed)
+        model = new_prior(data.core, params.hidden, params.std, params.seed)
+        points = [*data.points, *train_prior(data.core, model, _training_config(params), ctx.scratch, ctx.progress)]
+        data.core.close()
+    root = export_prior(ctx.scratch / "out", model, data.facts)
     curves.write_events(root / "tensorboard", points)
     done = params.cloning + params.reinforcing
-    return Trained(tree("prior", root), curves.training_log("prior", points, best_step=done, steps=done))
+    return Trained(tree("prior", root), curves.training_log("prior", points, done, done))
 
 
-def _rehearsal(p: Params):  # type: ignore[no-untyped-def]  # Rehearsal is a leaf's type, and leafs load inside `run`
-    from afford.grasping.imitation.rehearse import Rehearsal
+def _env_config(p: Params):  # type: ignore[no-untyped-def]  # its type is in a leaf module, which is imported inside functions
+    from afford.grasping.imitation.grasp_imitation_env import GraspImitationConfig
 
-    return Rehearsal(engine=p.engine, reward=p.reward, steps=p.steps, lift_m=p.lift_m, shift_m=p.shift_m, astray=p.astray,
-                     threads=THREADS)
+    return GraspImitationConfig(engine=p.engine, reward=p.reward, steps=p.steps, lift_m=p.lift_m, shift_m=p.shift_m,
+                                astray=p.astray, threads=THREADS)  # fmt: skip
 
 
-def _plan(p: Params):  # type: ignore[no-untyped-def]  # as above
-    from afford.grasping.imitation.prior import Plan
-    from afford.grasping.rl import ppo
+def _training_config(p: Params):  # type: ignore[no-untyped-def]  # as above
+    from afford.grasping.imitation.train_prior import PriorTrainingConfig
+    from afford.grasping.rl.ppo import PPOConfig
 
-    return Plan(seed=p.seed, cloning=p.cloning, alone=p.alone, memory=p.memory, passes=p.passes, batch=p.batch, lr=p.lr,
-                nudged=p.nudged, noise=p.noise, critic=p.critic,
-                ppo=ppo.Config(updates=p.reinforcing, steps=p.steps, lr=p.ppo_lr))  # fmt: skip
+    return PriorTrainingConfig(seed=p.seed, cloning=p.cloning, alone=p.alone, memory=p.memory, passes=p.passes, batch=p.batch,
+                               lr=p.lr, nudged=p.nudged, noise=p.noise, critic=p.critic,
+                               ppo=PPOConfig(updates=p.reinforcing, steps=p.steps, lr=p.ppo_lr))  # fmt: skip
 
 
 def _check(p: Params) -> None:

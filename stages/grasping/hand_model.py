@@ -1,10 +1,11 @@
-"""files of a robot hand -> the hand: a table of links and joints, its fingers, and a URDF that physics engines read.
+"""files of a robot hand -> the hand model: links, joints, fingers, and a URDF that physics engines read.
 
 Reads   FileTree: the Shadow Hand's MJCF and meshes as installed with gymnasium-robotics, or one URDF with its meshes
 Writes  HandModel: joints (6 of the wrist's gantry, motors, coupled), fingertips and keypoints, palm axes, URDF, meshes
-Method  `shadow` takes MuJoCo's compiled model apart; `urdf` reads any hand with limits, and finds fingers by the names of links.
-        Cut at the palm (or above it), put on three slides and three hinges; passive joints follow their driver (<mimic>)
-Fails   SourceError, one sentence: a mesh, limit, mass or finger that is missing, joints in a circle
+Method  `shadow` converts MuJoCo's compiled model; `urdf` reads any hand with joint limits, and finds fingers by the names of links.
+        The hand is cut at the palm (or above it) and mounted on three slides and three hinges; passive joints follow their driver
+        (<mimic>)
+Fails   SourceError: a missing mesh, limit, mass or finger; joints in a cycle
 Paper   AffordDex: Shadow Hand, 24 actions = 6 of the wrist + 18 motors; 22 finger joints, 4 of them coupled
 """
 
@@ -29,14 +30,16 @@ BACKENDS = {
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of hand_model."""
+
     backend: str = "shadow"
     """shadow: the files of gymnasium-robotics; urdf: any hand"""
     root: str = ""
-    """link that the hand starts at, e.g. forearm; '' = the palm, the last link that carries all fingers"""
+    """root link of the hand, e.g. forearm; '' = the palm, the last link that carries all fingers"""
     wrist: str = "gantry"
     """gantry: a 6-DoF wrist carries the root; none: the root is free"""
     reach_m: float = 2.0
-    """gantry: the slides go this far both ways"""
+    """gantry: travel of the slides, both ways"""
     wrist_force_n: float = 200.0
     """gantry: largest force of a slide"""
     wrist_torque_nm: float = 30.0
@@ -44,13 +47,13 @@ class Params:
     gantry_mass_kg: float = 0.05
     """gantry: mass of each of its six parts"""
     capsules: str = "capsule"
-    """capsule: as one solid, which PyBullet and MuJoCo read; parts: a cylinder and two spheres, standard URDF"""
+    """capsule: one solid, an extension that PyBullet and MuJoCo read; parts: a cylinder and two spheres, standard URDF"""
     urdf: Urdf = Urdf()
     """parameters of urdf"""
 
 
 def run(files: FileTree, params: Params) -> HandModel:
-    """Build the hand; ValueError when a parameter or the source cannot be used."""
+    """Build the hand. ValueError for a wrong parameter or source."""
     from afford.common.registry import block, load
     from afford.grasping.hand.model import Gantry, HandOptions, build_hand, couple_joints
 
@@ -58,8 +61,8 @@ def run(files: FileTree, params: Params) -> HandModel:
     gantry = Gantry(params.reach_m, params.wrist_force_n, params.wrist_torque_nm, params.gantry_mass_kg)
     own = block(params, params.backend)
     fingers, pairs = (own.fingers, own.coupled) if own else ((), ())
-    wishes = HandOptions(params.root, gantry if params.wrist == "gantry" else None, params.capsules == "capsule", fingers)
-    return build_hand(couple_joints(load(BACKENDS, params.backend)(files), pairs), wishes)
+    options = HandOptions(params.root, gantry if params.wrist == "gantry" else None, params.capsules == "capsule", fingers)
+    return build_hand(couple_joints(load(BACKENDS, params.backend)(files), pairs), options)
 
 
 def _check(params: Params) -> None:

@@ -1,11 +1,11 @@
-"""one clip of a person's hand, a robot hand -> how that hand does the same, or why the clip cannot be imitated.
+"""one clip of a human hand, a robot hand -> the motion retargeted to the robot hand, or the reason why it was dropped.
 
 Reads   HandMotion of one clip; HandModel
-Writes  Retargeted: a verdict with its figures, and the HandReference where the clip is kept
+Writes  Retargeted: a verdict with its figures, and the HandReference of a kept clip
 Method  bones keep their direction and take the robot's length; Levenberg-Marquardt with the analytic Jacobian over a twist of the
-        palm and all motors, every frame alone, then the clip at once with a price on acceleration; limits of joints are kept
-        exactly; rules before (length, teleports, bones, side) and after (reach, error, speeds) drop what would be no example
-Fails   ValueError, one sentence: a parameter out of range. A clip that breaks a rule does not fail: its verdict says which
+        palm and all motors, first frame by frame, then over the whole clip with a penalty on acceleration; joint limits hold
+        exactly; rules before (length, jumps, bones, side) and after (reach, error, speeds) drop unsuitable clips
+Fails   ValueError for a parameter out of range. A clip that breaks a rule does not fail: the verdict names the rule
 Paper   AffordDex, HTI: Shadow Hand, 24 commands; clips of OakInk2, 120 -> 60 Hz, at most 1500 frames; two levels of joints
 """
 
@@ -22,50 +22,52 @@ MEMORY_GIB = 1.0
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of hand_retarget."""
+
     level_1: float = 1.0
-    """weight of where fingers leave the palm"""
+    """weight of the joints where fingers leave the palm"""
     level_2: float = 1.0
     """weight of the middle and the last joints"""
     tips: float = 2.0
     """weight of fingertips"""
     pinch: float = 2.0
-    """weight of the vectors from the thumb's tip to the other tips, where they are short"""
+    """weight of the vectors from the thumb's tip to the other tips when they are short"""
     pinch_m: float = 0.03
-    """how short: at this distance their weight is 1/e"""
+    """distance at which this weight falls to 1/e"""
     acceleration_m: float = 0.001
-    """error that is worth 100 rad/s^2 of a joint: more is smoother and less exact"""
+    """error equivalent to 100 rad/s^2 of a joint: larger is smoother and less exact"""
     keep_tips: float = 1.0
-    """with an object: 1 leaves fingertips where the person has them, 0 where the robot's finger of that shape ends"""
+    """with an object: 1 keeps the person's fingertips, 0 puts them at the end of the robot's finger of the same shape"""
     max_rate_hz: float = 60.0
-    """of faster clips every second (third, ...) frame is taken"""
+    """faster clips are subsampled by an integer factor"""
     max_frames: int = 1500
     """longer clips are cut"""
     centre: bool = True
-    """turn and shift the world about z: no yaw on average, the object (or else the palm) begins at x = y = 0"""
+    """rotate the world about z and shift it: mean yaw 0, the object (or else the palm) starts at x = y = 0"""
     mirror: bool = True
-    """mirror clips of the other hand; else they are dropped"""
+    """mirror clips of the other side; else they are dropped"""
     min_s: float = 0.5
-    """shortest clip; a single frame is a pose and stays"""
+    """shortest clip; a single frame is a pose and is kept"""
     max_point_m_s: float = 8.0
-    """fastest point of the person's hand: beyond it the tracker has jumped"""
+    """fastest point of the person's hand; a faster one is a jump of the tracker"""
     max_bent_back_m: float = 0.015
-    """how far fingertips may be out of the back of the hand in half of the frames; beyond it the side is wrong"""
+    """largest distance of fingertips behind the back of the hand in half of the frames; beyond it the side is wrong"""
     max_bone_change: float = 0.5
-    """share of its median length by which a bone may be off in 5 % of frames"""
+    """largest deviation of a bone from its median length in 5 % of frames, as a share of it"""
     max_error_m: float = 0.02
-    """tracking error that 95 % of frames must keep below"""
+    """largest tracking error in 95 % of frames"""
     max_joint_rad_s: float = 30.0
     """fastest finger joint"""
     max_palm_m_s: float = 3.0
     """fastest palm"""
     frame_steps: int = 40
-    """steps of the solver for every frame alone"""
+    """solver steps per frame"""
     clip_steps: int = 15
-    """steps of the solver for the whole clip"""
+    """solver steps for the whole clip"""
 
 
 def run(motion: HandMotion, hand: HandModel, params: Params) -> Retargeted:
-    """Fit the hand to one clip and judge it."""
+    """Fit the hand to one clip and check the result."""
     from afford.grasping.motion.clip_rules import ClipRules
     from afford.grasping.motion.fit import FitWeights
     from afford.grasping.motion.retarget import RetargetOptions, retarget

@@ -1,13 +1,13 @@
-"""a prior, clips of people that its training does not show -> how near it comes to them.
+"""a prior, held-out clips of human motion -> tracking errors of the prior.
 
 Reads   HandModel; GraspObjects; the ReferenceSet of held-out clips of these objects; the prior (FileTree of hand_imitation)
-Writes  ClipsFollowed: distances of both levels of finger joints and of the fingertips, and whether the end was reached, of the
-        prior, of motors that go where the clip goes, and of nobody
-Method  an episode of each clip from where it begins, the policy's mean action, strict physics; distances are means over fingers and
-        all steps; followed: after 50/60 s the mean of neither level was ever beyond the tolerance
-Fails   ValueError, one sentence: no clip, an object that is not given, files that are no prior
-Paper   AffordDex, HTI: keypoints of two levels, failure beyond 15 cm. Here a hand that stays where it began
-        is never so far off, so that 5 cm are asked; no tracking error is published
+Writes  ClipsFollowed: errors of both levels of finger joints and of the fingertips, and success, of the prior, of motors that
+        follow the clip exactly, and of a hand that does not move
+Method  an episode of each clip from its start, the policy's mean action, strict physics; errors are means over fingers and steps;
+        success: after 50/60 s the mean error of neither level is ever beyond the tolerance
+Fails   ValueError: no clip, a clip of an unknown object, files of another policy
+Paper   AffordDex, HTI: keypoints of two levels, failure beyond 15 cm. Here a hand that does not move is
+        never so far off, hence the tolerance of 5 cm; no tracking error is published
 """
 
 from __future__ import annotations
@@ -27,29 +27,31 @@ MEMORY_GIB = 1.5
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of imitation_evaluate."""
+
     engine: str = "bullet"
     """bullet or mujoco"""
     level: str = "train"
-    """whose objects the clips grasp (schemas/grasp.py LEVELS)"""
+    """level of the objects (schemas/grasp.py LEVELS)"""
     iterations: int = 100
-    """of the solver"""
+    """iterations of the physics solver"""
     rate_hz: int = 480
-    """of the solver"""
+    """rate of the physics solver"""
     tolerance_m: float = 0.05
-    """mean error of a level from which a clip is not followed"""
+    """largest mean error of a level in a success"""
     at_once: int = 48
-    """most worlds at a time"""
+    """worlds simulated at once, at most"""
     places: int = 2
-    """maps/grasping.py: clips of each object that are held out"""
+    """maps/grasping.py: held-out clips per object"""
     held_out: int = 7919
-    """maps/grasping.py: added to the seeds of grasp_targets and motion_synthesise for these clips"""
+    """maps/grasping.py: offset of the seeds of grasp_targets and motion_synthesise for these clips"""
     seed: int = 20268
-    """of where objects lie"""
+    """seed of object poses"""
 
 
 def run(hand: HandModel, bodies: tuple[GraspObject, ...], references: ReferenceSet, prior: FileTree, params: Params,
         ctx: Context) -> ClipsFollowed:  # fmt: skip
-    """Follow every clip."""
+    """Track every clip."""
     from afford.grasping.evaluate.tracking_error import TrackingParams, evaluate_tracking
 
     if params.at_once < 1 or params.iterations < 1 or not params.tolerance_m > 0:

@@ -1,10 +1,10 @@
-"""motions in a robot hand's joints, and what was dropped -> files for people and for other programs.
+"""motions in the joints of a robot hand, and dropped clips -> files for people and for other programs.
 
 Reads   ReferenceSet
 Writes  FileTree: references/<clip>.npz (plain arrays, docs/grasping/motion.md), verdicts.csv (every clip), metrics.json, report.md
-Method  as they are; nothing is rounded but in the report
-Fails   ValueError when there is no reference
-Paper   AffordDex, HTI: what a policy imitates
+Method  values are not changed; only the report is rounded
+Fails   ValueError without a reference
+Paper   AffordDex, HTI: the motions to imitate
 """
 
 from __future__ import annotations
@@ -22,15 +22,18 @@ MEMORY_GIB = 1.0
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of motion_files."""
+
     name: str = "motions"
-    """what the set is called in the report"""
+    """name of the set in the report"""
 
 
 def run(references: ReferenceSet, params: Params, ctx: Context) -> FileTree:
-    """One folder of all."""
+    """Write all motions into one folder."""
     from afford.common.files import empty_folder, tree
     from afford.grasping.motion.reference_files import write_references
 
     if not references.references:
-        raise ValueError(f"{params.name}: expected a motion that can be imitated, got none of {len(references.report.verdicts)}")
+        raise ValueError(f"{params.name}: no motion of {len(references.report.verdicts)} can be imitated; see the reasons in their "
+                         "verdicts")  # fmt: skip
     return tree(params.name, write_references(empty_folder(ctx.scratch / "motions"), params.name, references))

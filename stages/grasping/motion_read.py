@@ -3,8 +3,8 @@
 Reads   FileTree: .npz, .json, .csv of our own format (docs/grasping/motion-format.md); DexYCB's grasps as D-Grasp prepared them;
         OakInk2 after its import, with MANO as .npz
 Writes  HandMotion of every clip
-Method  units, orders of points and of quaternions become ours; nothing is smoothed and nothing dropped. Nothing is unpickled
-Fails   SourceError, one sentence: file, field, expected, got, what to do
+Method  units, orders of points and of quaternions are converted; nothing is smoothed, dropped or unpickled
+Fails   SourceError that names file, field, expected and actual value, and what to do
 Paper   AffordDex, HTI (human hand trajectories)
 """
 
@@ -29,12 +29,14 @@ BACKENDS = {
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of motion_read."""
+
     backend: str = "keypoints"
     """keypoints: our own format; dexycb: static grasps; oakink2: primitives of both hands, after motion/oakink2_import.py"""
 
 
 def run(files: FileTree, params: Params) -> tuple[HandMotion, ...]:
-    """All clips of a source; names are unique. SourceError when two files have the same."""
+    """Read all clips of a source. SourceError when two clips have the same name."""
     from afford.common.errors import SourceError
     from afford.common.registry import load
 

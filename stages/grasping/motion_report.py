@@ -1,10 +1,10 @@
-"""what became of every clip -> the motions that a robot hand is to imitate, and a report of what was dropped, and why.
+"""retargeted clips -> the reference motions that a robot hand imitates, and a report of dropped clips with reasons.
 
 Reads   Retargeted of every clip
-Writes  ReferenceSet: references by name; RetargetReport: every verdict, how many were kept, how many each reason dropped
-Method  sorted and counted
+Writes  ReferenceSet: references by name; RetargetReport: every verdict, the number of kept clips, the number dropped by each reason
+Method  sorting and counting
 Fails   ValueError when no clip was kept, with the reasons
-Paper   AffordDex, HTI, says nothing of filtering; users of its data report 323 of 583 clips that track
+Paper   AffordDex, HTI, does not mention filtering; users of its data report 323 of 583 clips that track
 """
 
 from __future__ import annotations
@@ -21,16 +21,18 @@ MEMORY_GIB = 1.0
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of motion_report."""
+
     name: str = "shadow"
-    """what the set is called"""
+    """name of the set"""
 
 
 def run(clips: tuple[Retargeted, ...], params: Params) -> ReferenceSet:
-    """All clips together."""
+    """Collect references and verdicts of all clips."""
     verdicts = tuple(sorted((clip.verdict for clip in clips), key=lambda verdict: verdict.name))
     reasons = Counter(verdict.reason for verdict in verdicts if not verdict.kept)
     dropped = tuple(f"{reason}: {number}" for reason, number in sorted(reasons.items(), key=lambda item: (-item[1], item[0])))
     references = tuple(sorted((one for clip in clips for one in clip.references), key=lambda reference: reference.name))
     if not references:
-        raise ValueError(f"motion_report: expected a clip that can be imitated, got none of {len(clips)}; {', '.join(dropped)}")
+        raise ValueError(f"motion_report: no clip of {len(clips)} can be imitated; {', '.join(dropped)}")
     return ReferenceSet(params.name, references, RetargetReport(params.name, verdicts, len(references), dropped))

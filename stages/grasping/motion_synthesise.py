@@ -1,11 +1,11 @@
-"""something to be grasped by a handle -> made-up clips of a person who reaches for it, grasps it and lifts it.
+"""an object with a handle -> synthetic clips of a person who reaches for it, grasps it and lifts it.
 
-Reads   GraspTarget: pose of the object, its handle, how thick that is
+Reads   GraspTarget: pose of the object, its handle, thickness of the handle
 Writes  HandMotion of each clip: 21 keypoints, phases, the track of the object
 Method  minimum-jerk reach and lift, aperture that peaks at 60 to 70 % of the reach and grows with the object, two posture
-        synergies; approach, durations, start and tremble are drawn from the seed
-Fails   ValueError, one sentence: a handle that no hand spans, a parameter out of range
-Paper   AffordDex, HTI, takes clips of OakInk2; these take their place where they are absent
+        synergies; approach, durations, start and tremor are drawn from the seed
+Fails   ValueError: a handle that no hand spans, a parameter out of range
+Paper   AffordDex, HTI, takes clips of OakInk2; these replace them where they are not available
 """
 
 from __future__ import annotations
@@ -21,52 +21,54 @@ MEMORY_GIB = 0.2
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of motion_synthesise."""
+
     clips: int = 8
-    """how many clips"""
+    """number of clips"""
     seed: int = 20266
     """seed of all clips; each draws its own from it"""
     rate_hz: float = 60.0
     """frames a second"""
     reach_s: tuple[float, float] = (0.8, 1.2)
-    """how long the reach takes"""
+    """duration of the reach"""
     close_s: tuple[float, float] = (0.15, 0.3)
-    """how long closing takes after the reach"""
+    """duration of closing after the reach"""
     hold_s: float = 0.15
     """pause before the lift"""
     lift_s: float = 0.8
-    """how long the lift takes"""
+    """duration of the lift"""
     lift_m: float = 0.2
-    """how high"""
+    """height of the lift"""
     distance_m: tuple[float, float] = (0.25, 0.45)
-    """how far the hand starts from the grasp"""
+    """distance of the start from the grasp"""
     approach: tuple[float, float, float] = (0.0, 1.0, -1.0)
-    """direction in which the hand comes, half from the front, where the person sits, and half from above; across the handle"""
+    """direction of the approach across the handle; by default half from the front, where the person sits, and half from above"""
     start: tuple[float, float, float] = (0.0, -1.0, 0.0)
-    """the hand starts where this and the way back from the handle lead, both of length 1, and `wander`"""
+    """direction to the start, added to the reversed approach, both of length 1, and to `wander`"""
     wander: float = 0.5
-    """standard deviation of that direction"""
+    """standard deviation of the direction to the start"""
     beyond_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """how far the hand is beyond where thumb and fingertips would pinch the handle: 0 pinches, 3 cm down hold it in the fingers"""
+    """offset of the hand from a pinch by thumb and fingertips: 0 pinches, 3 cm down holds the handle in the fingers"""
     peak_share: tuple[float, float] = (0.6, 0.7)
-    """when the hand is open widest, as a share of the reach"""
+    """time of the widest opening, as a share of the reach"""
     peak_m: float = 0.05
-    """widest opening for an object of no size; 0.82 of the size come on top"""
+    """widest opening for an object of size 0; 0.82 of the size is added"""
     spread_deg: float = 35.0
-    """how far the approach turns about the handle, both ways"""
+    """largest rotation of the approach about the handle, both ways"""
     turn_deg: float = 35.0
-    """how far the hand may be turned when it starts"""
+    """largest rotation of the hand at the start"""
     hooking: tuple[float, float] = (-0.5, 0.5)
-    """second synergy, -1 to 1: knuckles straight and middle joints bent, or the other way round"""
+    """second synergy, -1 to 1: from straight knuckles with bent middle joints to the reverse"""
     rest_closing: float = 0.3
-    """first synergy of the hand that starts, 0 open, 1 closed"""
+    """first synergy at the start, 0 open, 1 closed"""
     press: float = 0.0
-    """first synergy: what a hand that holds adds to it, were nothing in its way; 0 for one that only touches"""
+    """first synergy: additional closing of a hand that holds, as if nothing were in its way; 0 for a hand that only touches"""
     noise_m: float = 0.0003
-    """tremble of every point"""
+    """tremor of every point"""
 
 
 def run(target: GraspTarget, params: Params) -> tuple[HandMotion, ...]:
-    """All clips for one target."""
+    """Synthesise all clips for one target."""
     import numpy as np
 
     from afford.grasping.motion.synthetic import ReachParameters, synthesise

@@ -1,11 +1,11 @@
-"""a mesh and its parts -> a rigid body that can be grasped: convex hulls of named parts, mass, inertia, surface points.
+"""a mesh and its parts -> a rigid body for grasping: convex hulls of named parts, mass, inertia, surface points.
 
-Reads   ObjectMesh, MeshParts (of the object library, of a file, or as negative affordances name them)
-Writes  GraspObject: hulls with the part of each, mass and inertia of the closed mesh, even points with normals and parts
+Reads   ObjectMesh, MeshParts (of the object library, of a file, or of negative affordances)
+Writes  GraspObject: hulls with their parts, mass and inertia of the closed mesh, even points with normals and parts
 Method  each part is cut by planes until its pieces are convex to a tolerance; exact mass properties at one density;
         farthest-point samples. Deterministic.
-Fails   when the mesh has no faces or no volume, or has more parts than hulls are allowed
-Paper   AffordDex uses UniDexGrasp's decomposed meshes (CoACD); here parts survive, so that a touched part is known
+Fails   when the mesh has no faces or no volume, or more parts than `hulls`
+Paper   AffordDex uses UniDexGrasp's decomposed meshes (CoACD); here hulls keep their parts, so that a touched part is known
 """
 
 from __future__ import annotations
@@ -22,16 +22,18 @@ MEMORY_GIB = 0.5
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of object_solids."""
+
     density_kg_m3: float = 700.0
-    """of every object: between wood, hollow plastic and steel; a hammer weighs 0.12 kg"""
+    """density of every object, between wood, hollow plastic and steel; a hammer weighs 0.12 kg"""
     tolerance_m: float = 0.002
-    """a piece is convex enough when its hull stands out of the body by less (95th percentile)"""
+    """largest distance of a hull from the surface of its piece (95th percentile)"""
     hulls: int = 24
-    """most hulls of an object"""
+    """hulls of an object, at most"""
     hull_corners: int = 64
-    """most corners of a hull"""
+    """corners of a hull, at most"""
     points: int = 1024
-    """points on the surface"""
+    """number of points on the surface"""
     seed: int = 0
     """seed of the points"""
 

@@ -26,10 +26,9 @@ class Params:
 
 def run(clip: Clip, parts: tuple[FileTree, ...], params: Params, ctx: Context) -> FileTree:
     """Merge the recordings of one clip; ValueError names the topic, schema or part that does not fit."""
-    from afford.recording.files import as_tree
-    from afford.recording.merge import merge
+    from afford.recording.mcap_files import as_tree, merge_recordings
     from afford.recording.provenance import of_clip
 
     path = ctx.scratch / f"{clip.clip_id}.mcap"
-    merge([file.path for part in parts for file in part.files], path, of_clip(clip))
+    merge_recordings([file.path for part in parts for file in part.files], path, of_clip(clip))
     return as_tree(clip.clip_id, path)

@@ -41,10 +41,10 @@ def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], episodes: Gra
         ctx: Context) -> FileTree:  # fmt: skip
     """Draw each row of each trace once, and write all three."""
     from afford.common.files import empty_folder, tree
-    from afford.grasping.env.studio import Studio
+    from afford.grasping.env.rendering import GraspRenderer
     from afford.grasping.evaluate.grasp_sheet import write_film, write_sheet
-    from afford.recording.files import write
-    from afford.recording.of_grasp import record
+    from afford.recording.grasps import record_grasps
+    from afford.recording.mcap_files import write_recording
     from afford.recording.provenance import of_grasps
 
     known = {one.name: one for some in tasks for one in some}
@@ -52,11 +52,12 @@ def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], episodes: Gra
     if missing or not episodes.traces:
         raise ValueError(f"grasp_record, {episodes.name}: expected traces of the tasks that are given, got "
                          f"{'no trace' if not episodes.traces else f'task {missing[0]}'}; evaluate with traces=6, give its tasks")
-    studios = {name: Studio(hand, known[name], params.width, params.height, params.supersample)
+    studios = {name: GraspRenderer(hand, known[name], params.width, params.height, params.supersample)
                for name in sorted({trace.task for trace in episodes.traces})}  # fmt: skip
     shown = {f"{episodes.policy} {k}": studios[trace.task].episode(trace) for k, trace in enumerate(episodes.traces, 1)}
     root = empty_folder(ctx.scratch / "grasps")
-    write(root / f"{episodes.name}.mcap", of_grasps(record(episodes, tuple(shown.values()), hand, params.seed), episodes, hand))
+    recording = record_grasps(episodes, tuple(shown.values()), hand, params.seed)
+    write_recording(root / f"{episodes.name}.mcap", of_grasps(recording, episodes, hand))
     write_film(root / f"{episodes.name}.mp4", shown, params.columns)
     write_sheet(root / f"{episodes.name}.png", shown)
     return tree(episodes.name, root)

@@ -41,25 +41,24 @@ def run(dataset: FileTree, model: FileTree, params: Params, ctx: Context) -> Fil
     from afford.common.drawing import write_page
     from afford.common.files import copy_folder, empty_folder, tree
     from afford.dataset import packed_sequences
-    from afford.recording.files import write
-    from afford.recording.interaction_strips import strips_of
-    from afford.recording.of_interaction import record
+    from afford.recording.interactions import interaction_strips, record_interaction
+    from afford.recording.mcap_files import write_recording
     from afford.recording.provenance import of_files
+    from afford.rgbd.model.model_inputs import fit_to_model
     from afford.rgbd.model.predictor import Predictor
-    from afford.rgbd.model.sequence_batches import fitted
-    from afford.rgbd.train.sequences_job import spread
+    from afford.rgbd.train.job import spread_evenly
 
     if params.rate_hz <= 0 or params.shown < 0:
         raise ValueError(f"interaction_record: expected rate_hz above 0 and shown of 0 or more, got {params}")
     predictor = Predictor(copy_folder(model, "config.json", empty_folder(ctx.scratch / "model")), params.device)
     part = packed_sequences.split_files({file.name: file.path for file in dataset.files}, params.split)
-    chosen, root = spread(part, params.shown or len(part)), empty_folder(ctx.scratch / "recorded")
+    chosen, root = spread_evenly(part, params.shown or len(part)), empty_folder(ctx.scratch / "recorded")
     for n, path in enumerate(chosen, 1):
-        shown = fitted(packed_sequences.read_sequence(path, "3d"), predictor.config.size_px)
-        found = predictor.every_frame(predictor.sees(packed_sequences.read_sequence(path, predictor.config.flow)))
+        shown = fit_to_model(packed_sequences.read_sequence(path, "3d"), predictor.config.size_px)
+        found = predictor.every_frame(predictor.inputs_of(packed_sequences.read_sequence(path, predictor.config.flow)))
         out = root / f"{shown.name}.mcap"
-        recording = record(shown, found, params.rate_hz, params.threshold)
-        write(out, of_files(of_files(recording, "interaction_pack", dataset), "model_train", model))
-        write_page(out.with_suffix(".png"), strips_of(out))
+        recording = record_interaction(shown, found, params.rate_hz, params.threshold)
+        write_recording(out, of_files(of_files(recording, "interaction_pack", dataset), "model_train", model))
+        write_page(out.with_suffix(".png"), interaction_strips(out))
         ctx.progress(n, len(chosen))
     return tree(model.name, root)

@@ -43,9 +43,9 @@ def run(hand: HandModel, motions: tuple[HandMotion, ...], clips: tuple[Retargete
     """Draw some of the clips and write the recording."""
     import numpy as np
 
-    from afford.grasping.env.motion_studio import MotionStudio
-    from afford.recording.files import as_tree, write
-    from afford.recording.of_motion import Clip, record
+    from afford.grasping.env.rendering import MotionRenderer
+    from afford.recording.mcap_files import as_tree, write_recording
+    from afford.recording.motions import MotionClip, record_motions
     from afford.recording.provenance import of_value, with_parameters
 
     fitted = {one.name: one for one in clips}
@@ -55,12 +55,12 @@ def run(hand: HandModel, motions: tuple[HandMotion, ...], clips: tuple[Retargete
         raise ValueError(f"motion_record: expected motions, clips of 0 or more and pictures_hz above 0, got {len(motions)} motions,"
                          f" {params.clips} and {params.pictures_hz:g}")
     chosen = np.linspace(0, len(motions) - 1, min(params.clips or len(motions), len(motions))).round().astype(int)
-    shown = [Clip(motions[k], fitted[motions[k].name]) for k in dict.fromkeys(chosen.tolist())]
-    recording = record(params.stage, shown, MotionStudio(hand, params.width, params.height), params.pictures_hz)
+    shown = [MotionClip(motions[k], fitted[motions[k].name]) for k in dict.fromkeys(chosen.tolist())]
+    recording = record_motions(params.stage, shown, MotionRenderer(hand, params.width, params.height), params.pictures_hz)
     recording = of_value(recording, "hand_model", hand)
     for clip in shown:
         recording = of_value(recording, params.stage, clip.motion, clip.motion.name)
         recording = of_value(recording, "hand_retarget", clip.fitted, clip.fitted.name)
     path = ctx.scratch / f"{params.stage}.mcap"
-    write(path, with_parameters(recording, params.parameters))
+    write_recording(path, with_parameters(recording, params.parameters))
     return as_tree(params.stage, path)

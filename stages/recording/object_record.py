@@ -34,14 +34,14 @@ class Params:
 def run(views: ObjectViews, candidates: PartCandidates, descriptions: PartDescriptions, scores: PartScores,
         found: NegativeAffordances, params: Params, ctx: Context, mesh: ObjectMesh | None = None) -> FileTree:  # fmt: skip
     """Write the recording of one object; ValueError when there is no view."""
-    from afford.recording.files import as_tree, write
-    from afford.recording.of_object import record
+    from afford.recording.mcap_files import as_tree, write_recording
+    from afford.recording.objects import record_negative
     from afford.recording.provenance import of_object, of_value, with_parameters
 
     if not views.views:
         raise ValueError(f"{views.name}: expected views to record, got none")
     path = ctx.scratch / f"{views.name}.mcap"
-    recording = of_object(record(views, candidates, descriptions, scores, found, mesh, params.mesh), views, found)
+    recording = of_object(record_negative(views, candidates, descriptions, scores, found, mesh, params.mesh), views, found)
     recording = recording if mesh is None else of_value(recording, params.mesh, mesh)
-    write(path, with_parameters(recording, params.parameters))
+    write_recording(path, with_parameters(recording, params.parameters))
     return as_tree(views.name, path)

@@ -46,10 +46,10 @@ class Params:
 def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], log: TrainingLog, files: FileTree, params: Params,
         ctx: Context) -> FileTree:  # fmt: skip
     """Let the policy act, draw it, and write the recording."""
-    from afford.grasping.env.studio import Studio
+    from afford.grasping.env.rendering import GraspRenderer
     from afford.grasping.evaluate.evaluate_policy import example_episodes, spread
-    from afford.recording.files import as_tree, write
-    from afford.recording.of_policy import policy
+    from afford.recording.grasps import record_policy
+    from afford.recording.mcap_files import as_tree, write_recording
     from afford.recording.provenance import of_files, with_parameters
 
     known = [one for some in tasks for one in some]
@@ -58,8 +58,9 @@ def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], log: Training
                          f"{len(known)} tasks")
     chosen = spread(known, params.episodes)
     traces = example_episodes(hand, chosen, files, params.seed) if chosen else []
-    shown = [Studio(hand, task, params.width, params.height, params.supersample).episode(trace)
+    shown = [GraspRenderer(hand, task, params.width, params.height, params.supersample).episode(trace)
              for task, trace in zip(chosen, traces, strict=True)]  # fmt: skip
     path = ctx.scratch / f"{log.name}.mcap"
-    write(path, with_parameters(of_files(policy(log, params.stage, shown), params.stage, files), params.parameters))
+    recording = of_files(record_policy(log, params.stage, shown), params.stage, files)
+    write_recording(path, with_parameters(recording, params.parameters))
     return as_tree(log.name, path)

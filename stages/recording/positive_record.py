@@ -30,13 +30,13 @@ class Params:
 
 def run(views: ObjectViews, found: PositiveAffordances, params: Params, ctx: Context) -> FileTree:
     """Write the recording of one object; ValueError when there is no view."""
-    from afford.recording.files import as_tree, write
-    from afford.recording.of_positive import record
+    from afford.recording.mcap_files import as_tree, write_recording
+    from afford.recording.objects import record_positive
     from afford.recording.provenance import of_value, with_parameters
 
     if not views.views:
         raise ValueError(f"{views.name}: expected views to record, got none")
     path = ctx.scratch / f"{views.name}.mcap"
-    recording = of_value(record(views, found), "view_render", views)
-    write(path, with_parameters(of_value(recording, "positive_affordance_projection", found), params.parameters))
+    recording = of_value(record_positive(views, found), "view_render", views)
+    write_recording(path, with_parameters(of_value(recording, "positive_affordance_projection", found), params.parameters))
     return as_tree(views.name, path)

@@ -27,10 +27,10 @@ class Params:
 
 def run(files: FileTree, params: Params, ctx: Context) -> FileTree:
     """Write the recording of one run; ValueError when there is nothing to show."""
-    from afford.recording.files import as_tree, write
-    from afford.recording.of_files import record
+    from afford.recording.mcap_files import as_tree, write_recording
     from afford.recording.provenance import of_files
+    from afford.recording.run_files import record_files
 
     path = ctx.scratch / f"{params.stage}.mcap"
-    write(path, of_files(record(files, params.stage), params.stage, files))
+    write_recording(path, of_files(record_files(files, params.stage), params.stage, files))
     return as_tree(params.stage, path)

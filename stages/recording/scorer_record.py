@@ -34,8 +34,8 @@ class Params:
 
 def run(lessons: tuple[PartLessons, ...], log: TrainingLog, files: FileTree, params: Params, ctx: Context) -> FileTree:
     """Ask the scorer about each object, and write the recording."""
-    from afford.recording.files import as_tree, write
-    from afford.recording.of_scorer import scorer
+    from afford.recording.mcap_files import as_tree, write_recording
+    from afford.recording.part_scorer import record_scorer
     from afford.recording.provenance import of_files, with_parameters
     from afford.surface.score.part_scorer import load_scorer
 
@@ -43,6 +43,6 @@ def run(lessons: tuple[PartLessons, ...], log: TrainingLog, files: FileTree, par
         raise ValueError(f"{log.name}: expected curves to record, got none")
     judged = [one for one in lessons if one.split == "val"]
     path = ctx.scratch / f"{log.name}.mcap"
-    recording = scorer(log, params.stage, load_scorer(files).eval(), judged, params.objects)
-    write(path, with_parameters(of_files(recording, params.stage, files), params.parameters))
+    recording = record_scorer(log, params.stage, load_scorer(files).eval(), judged, params.objects)
+    write_recording(path, with_parameters(of_files(recording, params.stage, files), params.parameters))
     return as_tree(log.name, path)

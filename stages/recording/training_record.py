@@ -30,13 +30,13 @@ class Params:
 
 def run(log: TrainingLog, files: FileTree, params: Params, ctx: Context) -> FileTree:
     """Write the recording of one training; ValueError when there is no curve."""
-    from afford.recording.files import as_tree, write
-    from afford.recording.of_training import previews, record
+    from afford.recording.mcap_files import as_tree, write_recording
     from afford.recording.provenance import of_files, with_parameters
+    from afford.recording.trainings import previews, record_training
 
     if not log.curves:
         raise ValueError(f"{log.name}: expected curves to record, got none")
     path = ctx.scratch / f"{log.name}.mcap"
-    recording = record(log, params.stage, previews(files))
-    write(path, with_parameters(of_files(recording, params.stage, files), params.parameters))
+    recording = record_training(log, params.stage, previews(files))
+    write_recording(path, with_parameters(of_files(recording, params.stage, files), params.parameters))
     return as_tree(log.name, path)

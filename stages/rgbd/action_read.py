@@ -29,8 +29,8 @@ class Params:
 
 def run(files: FileTree, params: Params) -> tuple[ActionClip, ...]:
     """All actions."""
-    from afford.rgbd.readers.utkinect import read
+    from afford.rgbd.readers.utkinect import read_actions
 
     if params.size_px < 8 or params.frames < 1:
         raise ValueError(f"action_read: expected size_px of 8 or more and frames of 1 or more, got {params}")
-    return read(files, params.size_px, params.frames)
+    return read_actions(files, params.size_px, params.frames)

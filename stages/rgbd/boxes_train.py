@@ -20,7 +20,7 @@ from schemas.spec import Context
 from schemas.training import Trained
 
 if TYPE_CHECKING:
-    from afford.rgbd.train.boxes_job import BoxesJob
+    from afford.rgbd.train.boxes import BoxesJob
 
 LIBRARIES = ("numpy", "torch", "safetensors", "opencv-python-headless", "pyarrow", "blake3", "protobuf")
 THREADS = 2
@@ -47,14 +47,14 @@ def run(dataset: FileTree, params: Params, ctx: Context) -> Trained:
 
 
 def _job(p: Params) -> BoxesJob:
-    from afford.rgbd.model.sequence_batches import Changes
-    from afford.rgbd.train.boxes_job import BoxesJob
-    from afford.rgbd.train.sequences_job import adam_plan, config_of
+    from afford.rgbd.model.model_inputs import Augmentation
+    from afford.rgbd.train.boxes import BoxesJob
+    from afford.rgbd.train.job import adam_plan, config_of
 
     if p.device != "cpu":
         raise ValueError(f"boxes_train: expected device=cpu for the detector, got {p.device!r}; it takes minutes")
     config = config_of("boxes_train", p.variant, p.row, p.height_px, p.batch)
     return BoxesJob(
         config=replace(config, flow="none", attention=False), plan=adam_plan(p),
-        changes=Changes(p.flip_share, p.crop_share, p.colour_share), batch=p.batch, balance=p.balance,
+        changes=Augmentation(p.flip_share, p.crop_share, p.colour_share), batch=p.batch, balance=p.balance,
         val_samples=p.val_samples, seed=p.seed)  # fmt: skip

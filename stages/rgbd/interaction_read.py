@@ -33,9 +33,9 @@ class Params:
 
 def run(files: FileTree, params: Params) -> InteractionClip:
     """Read one sequence."""
-    from afford.rgbd.readers.read import Rules, read
+    from afford.rgbd.readers.sor3d import Rules, read_clip
 
     if params.frames not in ("all", "slots") or params.grid not in ("native", "stcae"):
         raise ValueError("interaction_read: expected frames 'all' or 'slots' and grid 'native' or 'stcae', "
                          f"got {params.frames!r} and {params.grid!r}")
-    return read(files, Rules(params.frames, params.grid, params.rate_hz, params.focal_px))
+    return read_clip(files, Rules(params.frames, params.grid, params.rate_hz, params.focal_px))

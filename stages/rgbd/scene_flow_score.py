@@ -26,6 +26,6 @@ class Params:
 
 def run(flow: SceneFlow, plain: SceneFlow, truth: InteractionTruth, params: Params) -> FlowScore:
     """Score one sequence."""
-    from afford.rgbd.evaluate.flow import score
+    from afford.rgbd.scene_flow.metrics import score_flow
 
-    return score(flow, plain, truth)
+    return score_flow(flow, plain, truth)

@@ -37,12 +37,12 @@ def run(dataset: FileTree, model: FileTree, params: Params, ctx: Context) -> Int
     """Ask about every sequence of the part."""
     from afford.common.files import copy_folder, empty_folder
     from afford.dataset import packed_sequences
-    from afford.rgbd.evaluate.examine import examine
-    from afford.rgbd.model import files
+    from afford.rgbd.evaluate.evaluation import evaluate_model
+    from afford.rgbd.model import checkpoint
     from afford.training.loop import deterministic
 
-    folder = copy_folder(model, files.CONFIG, empty_folder(ctx.scratch / "model"))
+    folder = copy_folder(model, checkpoint.CONFIG, empty_folder(ctx.scratch / "model"))
     paths = packed_sequences.split_files({file.name: file.path for file in dataset.files}, params.split)
     with deterministic(THREADS, params.device):
-        trained = files.load(folder).to(params.device)
-        return examine(model.name, trained, paths, params.shown, params.device, ctx.progress, params.mirror)
+        trained = checkpoint.load_model(folder).to(params.device)
+        return evaluate_model(model.name, trained, paths, params.shown, params.device, ctx.progress, params.mirror)

@@ -19,7 +19,7 @@ from schemas.spec import Context
 from schemas.training import Trained
 
 if TYPE_CHECKING:
-    from afford.rgbd.train.actions_job import ActionsJob
+    from afford.rgbd.train.actions import ActionsJob
 
 LIBRARIES = ("numpy", "torch", "safetensors", "opencv-python-headless", "pyarrow", "blake3", "protobuf")
 THREADS = 2
@@ -51,11 +51,11 @@ def run(dataset: FileTree, params: Params, ctx: Context) -> Trained:
 
 
 def _job(p: Params) -> ActionsJob:
-    from afford.rgbd.model.sequence_batches import Changes
-    from afford.rgbd.train.actions_job import ActionsJob
-    from afford.rgbd.train.sequences_job import adam_plan, config_of
+    from afford.rgbd.model.model_inputs import Augmentation
+    from afford.rgbd.train.actions import ActionsJob
+    from afford.rgbd.train.job import adam_plan, config_of
 
     return ActionsJob(
         config=config_of("sor3d_pretrain", p.variant, p.row, p.height_px, p.batch), plan=adam_plan(p),
-        changes=Changes(p.flip_share, p.crop_share, p.colour_share), batch=p.batch, balance=p.balance,
+        changes=Augmentation(p.flip_share, p.crop_share, p.colour_share), batch=p.batch, balance=p.balance,
         val_samples=p.val_samples, seed=p.seed)  # fmt: skip

@@ -51,9 +51,9 @@ def run(recipes: tuple[Recipe, ...], scores: tuple[InteractionScores, ...], para
         more: tuple[InteractionScores, ...] = (), flows: tuple[FlowScore, ...] = ()) -> FileTree:  # fmt: skip
     """One report of all; `more` are scores of a second group of trainings."""
     from afford.common.files import empty_folder, tree
-    from afford.rgbd.evaluate.report import Found, write
+    from afford.rgbd.evaluate.report import ReportInput, write_report
 
     root = empty_folder(ctx.scratch / "report")
-    found = Found(recipes, (*scores, *more), flows)
-    write(root, found, params.ablation, params.resamples, params.seed)
+    found = ReportInput(recipes, (*scores, *more), flows)
+    write_report(root, found, params.ablation, params.resamples, params.seed)
     return tree("sor3d", root)

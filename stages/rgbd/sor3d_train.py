@@ -22,7 +22,7 @@ from schemas.spec import Context
 from schemas.training import Recipe, Trained
 
 if TYPE_CHECKING:
-    from afford.rgbd.train.sor3d_job import Sor3dJob
+    from afford.rgbd.train.sor3d import Sor3dJob
 
 LIBRARIES = ("numpy", "torch", "safetensors", "opencv-python-headless", "pyarrow", "blake3", "protobuf")
 THREADS = 2
@@ -71,14 +71,14 @@ def run(dataset: FileTree, params: Params, ctx: Context, recipe: Recipe | None =
 def _job(p: Params, recipe: Recipe | None = None) -> Sor3dJob:
     """What the parameters say, where a recipe (its row, its seed) does not."""
     from afford.rgbd.model.losses import LossParams
-    from afford.rgbd.model.sequence_batches import Changes
-    from afford.rgbd.train.sequences_job import adam_plan, config_of
-    from afford.rgbd.train.sor3d_job import Sor3dJob
+    from afford.rgbd.model.model_inputs import Augmentation
+    from afford.rgbd.train.job import adam_plan, config_of
+    from afford.rgbd.train.sor3d import Sor3dJob
 
     if recipe is not None:
         p = replace(p, row=recipe.row, seed=recipe.seed)
     return Sor3dJob(
         config=config_of("sor3d_train", p.variant, p.row, p.height_px, p.batch), plan=adam_plan(p),
         loss=LossParams(turn=p.turn, dice=p.dice_weight, foreground=p.foreground_weight),
-        changes=Changes(p.flip_share, p.crop_share, p.colour_share), batch=p.batch, static_share=p.static_share,
+        changes=Augmentation(p.flip_share, p.crop_share, p.colour_share), batch=p.batch, static_share=p.static_share,
         coarse_share=p.coarse_share, balance=p.balance, val_samples=p.val_samples, vgg=p.backbones, seed=p.seed)  # fmt: skip

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from afford.rgbd.boxes import BoxesParams
+from afford.rgbd.model.config import BoxesParams
 from schemas.files import FileTree
 from schemas.interaction import InteractionClip, StaticSet
 from schemas.spec import Context
@@ -24,8 +24,8 @@ THREADS = 1
 MEMORY_GIB = 1.5
 
 BACKENDS = {
-    "sor3d": "afford.rgbd.model.static:teller",
-    "boxes": "afford.rgbd.boxes.static:teller",
+    "sor3d": "afford.rgbd.model.predictor:picture_predictor",
+    "boxes": "afford.rgbd.detector:picture_predictor",
 }
 
 
@@ -53,8 +53,8 @@ def run(samples: StaticSet | tuple[InteractionClip, ...], model: FileTree, param
 
     from afford.common.files import copy_folder, empty_folder, tree
     from afford.common.registry import block, load
-    from afford.rgbd.evaluate.static_sets import Scored, Tally, write
-    from afford.rgbd.model.static import last_picture
+    from afford.rgbd.evaluate.static_sets import ScoredPicture, SetScores, write
+    from afford.rgbd.model.predictor import last_picture
 
     given = samples if isinstance(samples, StaticSet) else StaticSet(tuple(last_picture(one) for one in samples), ())
     pictures = [one for one in given.samples if params.split in ("", one.split)]
@@ -62,13 +62,13 @@ def run(samples: StaticSet | tuple[InteractionClip, ...], model: FileTree, param
         raise ValueError(f"static_evaluate: expected pictures of the split {params.split!r} and shown of 1 or more, got "
                          f"{len(pictures)} of {len(given.samples)} and {params.shown}")
     folder = copy_folder(model, "config.json", empty_folder(ctx.scratch / "model"))
-    tell = load(BACKENDS, params.backend)(folder, params.device, block(params, params.backend))
-    tally, shown = Tally.of(pictures), []
+    predict = load(BACKENDS, params.backend)(folder, params.device, block(params, params.backend))
+    scores, shown = SetScores.of(pictures), []
     chosen = set(np.linspace(0, len(pictures) - 1, min(params.shown, len(pictures))).astype(int).tolist())
     for n, picture in enumerate(pictures):
-        one = Scored(picture, tell(picture))
-        tally.add(one)
+        one = ScoredPicture(picture, predict(picture))
+        scores.add(one)
         shown += [one] if n in chosen else []
         ctx.progress(n + 1, len(pictures))
     root = empty_folder(ctx.scratch / "static")
-    return tree(params.name, write(root, params.name, tally, len(pictures), shown, params.threshold, given.refused))
+    return tree(params.name, write(root, params.name, scores, len(pictures), shown, params.threshold, given.refused))

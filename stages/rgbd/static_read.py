@@ -22,8 +22,8 @@ THREADS = 1
 MEMORY_GIB = 2.0
 
 BACKENDS = {
-    "umd": "afford.rgbd.readers.umd:listed",
-    "iit-aff": "afford.rgbd.readers.iit_aff:listed",
+    "umd": "afford.rgbd.readers.umd:list_pictures",
+    "iit-aff": "afford.rgbd.readers.iit_aff:list_pictures",
 }
 
 
@@ -45,9 +45,9 @@ class Params:
 def run(files: FileTree, params: Params) -> StaticSet:
     """Samples of a source, by name."""
     from afford.common.registry import block, load
-    from afford.rgbd.readers.static_set import gathered
+    from afford.rgbd.readers.static_set import read_static_set
 
     if params.crop_px < 0 or params.every < 1:
         raise ValueError(f"static_read: expected crop_px of 0 or more and every of 1 or more, got {params}")
     listed = load(BACKENDS, params.backend)(files, params.crop_px, params.every, block(params, params.backend))
-    return gathered(files.name, listed, params.split)
+    return read_static_set(files.name, listed, params.split)

@@ -28,7 +28,7 @@ class Params:
 def run(reports: tuple[FileTree, ...], params: Params, ctx: Context) -> FileTree:
     """One table of all."""
     from afford.common.files import empty_folder, tree
-    from afford.rgbd.evaluate.static_table import figures, write
+    from afford.rgbd.evaluate.static_table import read_figures, write
 
-    found = {report.name: figures(report) for report in reports}
+    found = {report.name: read_figures(report) for report in reports}
     return tree(params.name, write(empty_folder(ctx.scratch / "table"), params.name, found))

@@ -1,1 +1,1 @@
-"""Stages that render worlds with exact ground truth."""
+"""Stages that render scenes, objects and interactions with exact ground truth."""

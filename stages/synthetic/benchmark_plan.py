@@ -1,11 +1,11 @@
-"""a seed and numbers -> the rooms of which the synthetic benchmark is rendered.
+"""Seed and counts -> the rooms of the synthetic benchmark.
 
 Reads   nothing
 Writes  StillSpec of every room of the benchmark
-Method  kitchens with known kinds of things, kitchens with new kinds and new uses, workshops and desks; each row is a
-        participant with a stream of seeds of its own
+Method  kitchens with known kinds of objects, kitchens with held-out kinds and uses, workshops and desks; each row is a
+        participant with its own stream of seeds
 Fails   never
-Paper   takes the place of ActAffordance; docs/synthetic/stills.md says what training never sees
+Paper   stands in for ActAffordance; docs/synthetic/stills.md lists what training never sees
 """
 
 from __future__ import annotations
@@ -21,20 +21,22 @@ MEMORY_GIB = 0.2
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of the stage."""
+
     seed: int = 20262
     """seed of the benchmark"""
     rooms: int = 32
-    """rooms altogether; about 13 stills each"""
+    """total number of rooms; about 13 stills each"""
     layouts: int = 5
-    """how often the things of a room are laid out anew"""
+    """random layouts of the objects of a room"""
     views: int = 1
-    """pictures of each layout"""
+    """images of each layout"""
     tasks: int = 6
-    """most tasks asked of one picture"""
+    """maximum number of tasks of one image"""
 
 
 def run(params: Params) -> tuple[StillSpec, ...]:
-    """The rooms of the benchmark."""
+    """Return the rooms of the benchmark."""
     from afford.synthetic.splits import RoomExtent, benchmark_specs
 
     return benchmark_specs(params.seed, params.rooms, RoomExtent(params.layouts, params.views, params.tasks))

@@ -1,10 +1,10 @@
-"""a seed and numbers -> the rooms in which hands are rendered for the finder of hands to learn from.
+"""Seed and counts -> the rooms of the labelled images that the hand finder is trained on.
 
 Reads   nothing
 Writes  HandRoom of every room; the splits train and val
-Method  kitchens, workshops and desks by turns; every split has a stream of seeds of its own
+Method  kitchens, workshops and desks in turn; each split has its own stream of seeds
 Fails   when a split would have no room
-Paper   takes the place of annotated hands (VISOR) where a video has none; no paper
+Paper   stands in for annotated hands (VISOR) where a video has none; no paper
 """
 
 from __future__ import annotations
@@ -20,18 +20,21 @@ MEMORY_GIB = 0.2
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of the stage."""
+
     rooms: int = 96
-    """rooms to learn from"""
+    """training rooms"""
     val_rooms: int = 4
-    """rooms that judge"""
+    """validation rooms"""
     seed: int = 20265
     """seed of all rooms; each draws its own from it"""
 
 
 def run(params: Params) -> tuple[HandRoom, ...]:
-    """The rooms of both splits."""
+    """Return the rooms of both splits."""
     from afford.synthetic.splits import hand_rooms
 
     if min(params.rooms, params.val_rooms) < 1:
-        raise ValueError(f"hand_plan: expected rooms to learn from and rooms that judge, got {params.rooms} and {params.val_rooms}")
+        raise ValueError(f"hand_plan: expected at least one training and one validation room, got {params.rooms} and "
+                         f"{params.val_rooms}")
     return (*hand_rooms("train", params.rooms, params.seed), *hand_rooms("val", params.val_rooms, params.seed))

@@ -1,14 +1,14 @@
-"""a spec -> an RGB-D sequence as files of the SOR3D-AFF layout, and, apart, what was true of it.
+"""Interaction spec -> an RGB-D sequence as files in the SOR3D-AFF layout, and its ground truth.
 
-Reads   InteractionSpec: thing, affordance, instance, person, seeds.
-Writes  RenderedInteraction: files (rgb, mask and hot spot as in SOR3D-AFF; depth and camera beside them) and truth (scene flow of
-        every pixel in metres, optical flow, exact depth). Only the files may be learned from.
-Method  a hand of the person comes, uses the thing as synthetic/tabletop/acts.py says, leaves it at rest and goes; a camera that
-        stands still at the other side of the table sees it; a software renderer draws colours, points of surfaces are followed
-        for the flow; depth gets a sensor's noise, steps and holes. The label is the part of the thing that the table
-        in afford/dataset/affordance_rules.py names, where it is seen in the last frame. Deterministic.
-Fails   when the thing is not used so, or no try shows enough of the label.
-Paper   takes the place of SOR3D-AFF (section 6: RGB registered to depth, 300 x 300, 10 frames/s), which is not to be had.
+Reads   InteractionSpec: object, affordance, instance, person, seeds.
+Writes  RenderedInteraction: files (rgb, mask and hot spot as in SOR3D-AFF, plus depth and camera) and truth (scene flow of every
+        pixel in metres, optical flow, exact depth). Training may use the files only.
+Method  a hand approaches, manipulates the object (afford/synthetic/tabletop/manipulations.py), leaves it at rest and withdraws,
+        before a fixed camera across the table. A software renderer draws colours; surface points are tracked for the flow;
+        depth gets sensor noise, quantization and holes. The label is the visible part of the object in the last frame that
+        afford/dataset/affordance_rules.py names. Deterministic.
+Fails   when the object does not have the affordance, or no attempt shows enough of the label.
+Paper   stands in for SOR3D-AFF (section 6: RGB registered to depth, 300 x 300, 10 frames/s), which is not available.
 """
 
 from __future__ import annotations
@@ -25,18 +25,20 @@ MEMORY_GIB = 1.0
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of the stage."""
+
     height_px: int = 112
     """height of the frames, and their width (the paper: 300)"""
     frames: int = 10
-    """frames of a sequence, from the coming of the hand until it has left"""
+    """frames of a sequence, from the approach of the hand to its withdrawal"""
     rate_hz: float = 10.0
-    """frames a second"""
+    """frames per second"""
     clutter: int = 2
-    """most other things on the table"""
+    """maximum number of other objects on the table"""
     noise: float = 1.0
-    """of the depth camera, times that of a Kinect; 0: nothing but whole millimetres"""
+    """scale of the depth noise relative to a Kinect; 0 leaves the quantization only"""
     supersample: int = 2
-    """samples per pixel and axis of the colour pictures"""
+    """samples per pixel and axis of the colour images"""
 
 
 def run(spec: InteractionSpec, params: Params, ctx: Context) -> RenderedInteraction:

@@ -1,12 +1,12 @@
-"""a seed and numbers -> the procedural objects to build: for training, validation and evaluation.
+"""Seed and counts -> the procedural objects to build, for training, validation and evaluation.
 
 Reads   nothing
 Writes  ObjectSpec of every object; splits train and val (trained categories), seen (trained categories in new shapes) and
         unseen (categories that training never shows, afford/synthetic/splits.py)
-Method  every split and category has a stream of seeds of its own; looks alternate, so that half of the evaluation objects
-        are of one material
-Fails   when there is nothing to build
-Paper   AffordDex, NAA, takes meshes of OakInk2 and UniDexGrasp; these take their place where they are absent
+Method  each split and category has its own stream of seeds; looks alternate, so that half of the evaluation objects have a
+        single material
+Fails   when there is no object to build
+Paper   AffordDex, NAA, uses meshes of OakInk2 and UniDexGrasp; these objects stand in where they are absent
 """
 
 from __future__ import annotations
@@ -22,26 +22,28 @@ MEMORY_GIB = 0.2
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of the stage."""
+
     splits: tuple[str, ...] = ("train", "val", "seen", "unseen")
-    """which splits"""
+    """splits to build"""
     categories: tuple[str, ...] = ()
-    """which categories; none: all"""
+    """categories to build; empty for all"""
     seed: int = 20264
     """seed of all objects; each draws its own from it"""
     train_per_category: int = 8
-    """objects of each trained category to learn from"""
+    """training objects of each trained category"""
     val_per_category: int = 1
-    """objects of each trained category for validation"""
+    """validation objects of each trained category"""
     seen_per_category: int = 2
     """evaluation objects of each trained category"""
     unseen_per_category: int = 4
     """evaluation objects of each category that training never shows"""
     train_plain_every: int = 4
-    """every n-th training and validation object is of one material; 0 for none"""
+    """every n-th training and validation object has a single material; 0 for none"""
 
 
 def run(params: Params) -> tuple[ObjectSpec, ...]:
-    """The objects of all splits."""
+    """Return the objects of all splits."""
     from afford.synthetic.splits import TRAINED_CATEGORIES, UNSEEN_CATEGORIES, object_specs
 
     plain = params.train_plain_every
@@ -52,7 +54,7 @@ def run(params: Params) -> tuple[ObjectSpec, ...]:
         ("unseen", UNSEEN_CATEGORIES, params.unseen_per_category, 2),
     )
     if min(count for _, _, count, _ in rows) < 0 or plain < 0 or not any(count for _, _, count, _ in rows):
-        raise ValueError(f"object_plan: expected numbers of 0 or more, and one object at least, got {params}")
+        raise ValueError(f"object_plan: expected counts of 0 or more and at least one object, got {params}")
     if unknown := set(params.splits) - {split for split, *_ in rows}:
         raise ValueError(f"object_plan.splits: expected train, val, seen or unseen, got {', '.join(sorted(unknown))}")
     if unknown := set(params.categories) - {*TRAINED_CATEGORIES, *UNSEEN_CATEGORIES}:

@@ -1,13 +1,13 @@
-"""a scene spec -> one EPIC/VISOR clip on disk, with the truth of every frame beside it.
+"""Scene spec -> one EPIC/VISOR clip on disk, and the ground truth of every frame.
 
 Reads   SceneSpec: script, setting, seed, length, distance of key frames.
 Writes  RenderedClip: files (video H.264 456 x 256 at 30 fps, sparse annotations, narrations, classes, video info as in an
         EPIC root) and truth/<video_id>/ (ClipTruth; docs/synthetic/truth-format.md).
-Method  objects, hands and camera follow a seeded choreography; a software renderer draws each frame with hands, without
-        hands, and without hands but with their shadows, at one pixel-exact id map; noise and compression go on the video
-        only. Hand = skin, sleeve and whatever is worn, so that removing it removes the arm. Deterministic.
-Fails   when the script, setting or split is unknown, or an object offers no grip that the script needs.
-Paper   takes the place of EPIC-KITCHENS-100 and VISOR where they are absent; no paper.
+Method  objects, hands and camera follow a seeded script; a software renderer draws each frame with hands, without hands, and
+        without hands but with their shadows, from one pixel-exact id map; noise and compression apply to the video only.
+        Hand = skin, sleeve and worn items, so that removing it removes the arm. Deterministic.
+Fails   when the script, setting or split is unknown, or an object has no grip that the script needs.
+Paper   stands in for EPIC-KITCHENS-100 and VISOR where they are absent; no paper.
 """
 
 from __future__ import annotations
@@ -25,6 +25,8 @@ MEMORY_GIB = 2.0
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of the stage."""
+
     seed: int = 1
     """seed of the clips that `make dataset` renders; each clip draws its own from it"""
     supersample: int = 2
@@ -40,4 +42,4 @@ def run(spec: SceneSpec, params: Params, ctx: Context) -> RenderedClip:
 
     world = build_world(spec)
     recording = render_frames(spec, world, params.supersample, ctx.progress)
-    return write_clip(ctx.scratch / "root", spec, world.play, recording, params.crf)
+    return write_clip(ctx.scratch / "root", spec, world.animation, recording, params.crf)

@@ -1,11 +1,11 @@
-"""a room with things of its own -> stills: pictures without hands, tasks, and every valid way to do each.
+"""Room with its own objects -> stills: images without hands, tasks, and every valid mode of each task.
 
-Reads   StillSpec: setting, seed, split, how many layouts, pictures and tasks.
-Writes  Stills: JPEG pictures; per task the narration and its modes, each with affordance and complete-object masks.
-Method  things are laid out at random; what each hand can reach in comfort, past what else stands there, decides which hands
-        take which part; hands close on the thing, and affordance = complete object AND visible hand. Deterministic.
+Reads   StillSpec: setting, seed, split, numbers of layouts, images and tasks.
+Writes  Stills: JPEG images; per task the narration and its modes, each with affordance and complete-object masks.
+Method  objects are placed at random; comfortable reach past other objects determines which hands take which part; hands close
+        on the object, and affordance = complete object AND visible hand. Deterministic.
 Fails   when the setting is unknown.
-Paper   takes the place of 2HANDS and ActAffordance for training and measuring; docs/synthetic/stills.md says what is held out.
+Paper   stands in for 2HANDS and ActAffordance in training and evaluation; docs/synthetic/stills.md lists what is held out.
 """
 
 from __future__ import annotations
@@ -23,16 +23,18 @@ MEMORY_GIB = 1.5
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of the stage."""
+
     width_px: int = 456
-    """width of the pictures"""
+    """width of the images"""
     height_px: int = 256
-    """height of the pictures"""
+    """height of the images"""
     supersample: int = 2
-    """samples per pixel and axis of the pictures"""
+    """samples per pixel and axis of the images"""
     jpeg_quality: int = 95
-    """quality of the pictures, 1..100"""
+    """JPEG quality of the images, 1..100"""
     mask_scale: float = 1.0
-    """size of the masks relative to the pictures"""
+    """size of the masks relative to the images"""
 
 
 def run(spec: StillSpec, params: Params, ctx: Context) -> Stills:

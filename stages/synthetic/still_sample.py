@@ -1,8 +1,8 @@
-"""stills with all their modes -> samples that show one way each, as people do.
+"""Stills with all their modes -> samples with one mode each.
 
 Reads   Stills of one room
-Writes  Samples: up to `draws` per still; the same picture and text may come with different ways
-Method  ways are drawn without replacement, each as likely as people are to take it; every draw has a seed of its own
+Writes  Samples: up to `draws` per still; the same image and text may occur with different modes
+Method  modes are drawn without replacement by their probability; every draw has its own seed
 Fails   when `draws` is less than 1
 Paper   2HandedAfforder: a sample shows what one person did once, although a task allows several grasps
 """
@@ -21,10 +21,12 @@ MEMORY_GIB = 0.5
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of the stage."""
+
     seed: int = 1
     """seed of the draws"""
     draws: int = 2
-    """most samples of one still"""
+    """maximum number of samples of one still"""
 
 
 def run(stills: Stills, params: Params) -> Samples:

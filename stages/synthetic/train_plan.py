@@ -1,10 +1,10 @@
-"""a seed and numbers -> the rooms of which training stills are rendered.
+"""Seed and counts -> the rooms of the training stills.
 
 Reads   nothing
 Writes  StillSpec of every training and validation room
-Method  a participant of the training split and one of the validation split, each with a stream of seeds of its own
-Fails   when there is no room to train on
-Paper   no paper; docs/synthetic/stills.md says what the benchmark holds out
+Method  one participant for the training split and one for the validation split, each with its own stream of seeds
+Fails   when there is no training room
+Paper   no paper; docs/synthetic/stills.md lists what the benchmark holds out
 """
 
 from __future__ import annotations
@@ -20,22 +20,24 @@ MEMORY_GIB = 0.2
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of the stage."""
+
     seed: int = 1
     """seed of the training stills; each room draws its own from it"""
     rooms: int = 54
-    """training rooms, each with things of its own; about 60 samples each"""
+    """training rooms, each with its own objects; about 60 samples each"""
     val_rooms: int = 5
     """rooms of the validation split"""
     layouts: int = 6
-    """how often the things of a room are laid out anew"""
+    """random layouts of the objects of a room"""
     views: int = 2
-    """pictures of each layout"""
+    """images of each layout"""
     tasks: int = 6
-    """most tasks asked of one picture"""
+    """maximum number of tasks of one image"""
 
 
 def run(params: Params) -> tuple[StillSpec, ...]:
-    """The rooms of the training set."""
+    """Return the rooms of the training set."""
     from afford.synthetic.splits import RoomExtent, train_specs
 
     if params.rooms < 1:

@@ -79,7 +79,7 @@ def test_a_clip_without_masks_gives_no_samples_and_harms_no_other(mine: Made) ->
     write_points(mine.source, BAD, [])
     told = mine.run("dataset")
     assert "Traceback" not in told.err and set(column(mine, "video", "-part")) == {GOOD}
-    assert "tiny-part is a part: " in told.words and set(column(mine, "video")) == {GOOD, BAD}
+    assert "tiny-part is partial: " in told.words and set(column(mine, "video")) == {GOOD, BAD}
     assert mine.run("dataset", "--replace").code == told.code and set(column(mine, "video")) == {GOOD}
 
 

@@ -99,4 +99,4 @@ def test_what_has_masks_is_not_looked_at_for_hands() -> None:
 def test_there_is_no_truth_to_score_it_by(folder: Path, tmp_path: Path) -> None:
     """One sentence says what to do instead."""
     done = call("run", "extraction-report", "--source", folder, "--store", tmp_path)
-    assert done.code != 0 and "expected masks and ground truth" in done.words
+    assert done.code != 0 and "the source has no masks and ground truth" in done.words

@@ -239,7 +239,7 @@ def test_a_planted_circle_and_a_planted_wrong_import_are_seen(tmp_path: Path) ->
     shutil.copy(ROOT / "pyproject.toml", tmp_path)
     assert linted(tmp_path).returncode == 0
     low = tmp_path / "afford" / "common" / "masks.py"
-    low.write_text(low.read_text() + "\n\ndef cheat():\n    import afford.grasping.env.core\n")
+    low.write_text(low.read_text() + "\n\ndef cheat():\n    import afford.grasping.env.grasp_worlds\n")
     assert circles(folders(arrows(tmp_path)))
     done = linted(tmp_path)
     assert done.returncode == 1 and "afford.common.masks" in done.stdout

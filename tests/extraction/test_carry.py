@@ -7,8 +7,8 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from afford.extraction.layers.follow import Path
-from afford.extraction.layers.shape import CARRIED_FIT, carry, holding
+from afford.extraction.layers.shape import PROPAGATED_FIT, holding_hands, propagate_while_held
+from afford.extraction.layers.template import PoseTrack
 from tests.helpers.toy_clip import texture, toy
 
 SHIFT_PX = 2.0
@@ -24,11 +24,11 @@ def sliding_hand(count: int = 9) -> tuple[np.ndarray, np.ndarray]:
     return grey, mask
 
 
-def known_ends(count: int) -> Path:
+def known_ends(count: int) -> PoseTrack:
     """Right in the first and the last frame, found in no other."""
     poses = np.tile(np.array([[10.0, 0, 50], [0, 10, 50]]), (count, 1, 1))
     poses[-1, 0, 2] += SHIFT_PX * (count - 1)
-    return Path(poses, np.array([1, *[0] * (count - 2), 1], np.float32))
+    return PoseTrack(poses, np.array([1, *[0] * (count - 2), 1], np.float32))
 
 
 def ends_visible(mask: np.ndarray) -> np.ndarray:
@@ -42,17 +42,17 @@ def test_a_hidden_object_moves_with_the_hand() -> None:
     """Every pose between is the first one plus the way of the hand, to half a pixel, and counts as carried."""
     grey, hand = sliding_hand()
     visible = ends_visible(hand)
-    path = carry(known_ends(len(grey)), grey, visible, hand)
+    path = propagate_while_held(known_ends(len(grey)), grey, visible, hand)
     assert np.abs(path.poses[:, 0, 2] - (50 + SHIFT_PX * np.arange(len(grey)))).max() < 0.5
     assert np.allclose(path.poses[:, :, :2], 10 * np.eye(2), atol=0.5)
-    assert np.allclose(path.fit[1:-1], CARRIED_FIT)
+    assert np.allclose(path.fit[1:-1], PROPAGATED_FIT)
 
 
 def test_what_no_hand_holds_stays_unknown() -> None:
     """Without a hand nothing carries the object: the path is as it was."""
     grey, hand = sliding_hand()
     visible, before = ends_visible(hand), known_ends(len(grey))
-    after = carry(before, grey, visible, np.zeros_like(hand))
+    after = propagate_while_held(before, grey, visible, np.zeros_like(hand))
     assert np.array_equal(after.poses, before.poses)
     assert np.array_equal(after.fit, before.fit)
 
@@ -60,16 +60,16 @@ def test_what_no_hand_holds_stays_unknown() -> None:
 def test_frames_that_show_the_object_are_kept() -> None:
     """A path with no glimpse in it is not touched, and neither is that of an object never seen."""
     grey, hand = sliding_hand()
-    full = Path(known_ends(len(grey)).poses, np.ones(len(grey), np.float32))
-    assert np.array_equal(carry(full, grey, hand, hand).poses, full.poses)
-    assert carry(full, grey, np.zeros_like(hand), hand) is full
+    full = PoseTrack(known_ends(len(grey)).poses, np.ones(len(grey), np.float32))
+    assert np.array_equal(propagate_while_held(full, grey, hand, hand).poses, full.poses)
+    assert propagate_while_held(full, grey, np.zeros_like(hand), hand) is full
 
 
 def test_holding_is_the_touching_hand_where_it_touches() -> None:
     """Only the right hand of the toy touches the card; a contact taken away takes its pixels away."""
     tracks = toy(count=10).tracks
-    assert np.array_equal(holding(tracks, 2), tracks.masks[1])
+    assert np.array_equal(holding_hands(tracks, 2), tracks.masks[1])
     contact = tracks.contact.copy()
     contact[:, 5] = -1
-    assert not holding(replace(tracks, contact=contact), 2)[5].any()
-    assert cv2.countNonZero(holding(tracks, 2)[5].view(np.uint8)) == tracks.masks[1, 5].sum()
+    assert not holding_hands(replace(tracks, contact=contact), 2)[5].any()
+    assert cv2.countNonZero(holding_hands(tracks, 2)[5].view(np.uint8)) == tracks.masks[1, 5].sum()

@@ -77,6 +77,28 @@ def test_a_data_loader_gives_batches(data, workers):
         load.collate([items[0], replace(items[1], image=items[1].image[:16])])
 
 
+@pytest.mark.parametrize("workers", [0, 1])
+@pytest.mark.filterwarnings("error:The given NumPy array is not writable")
+def test_default_collate_gives_the_same_batches(data, workers):
+    """A data loader without `collate_fn`, on the data set or on a subset of it."""
+    from torch.utils.data import DataLoader, Subset
+
+    for samples in (data, Subset(data, [0, 1, 2])):
+        batch = next(iter(DataLoader(samples, batch_size=3, num_workers=workers)))
+        expected = load.collate([data[n] for n in range(3)])
+        assert batch.keys() == expected.keys()
+        for name, values in expected.items():
+            words = isinstance(values, list)
+            assert batch[name] == values if words else batch[name].dtype == values.dtype and np.array_equal(
+                batch[name].numpy(), values.numpy(), equal_nan=values.is_floating_point()), name
+
+
+def test_an_item_is_a_mapping_of_its_fields(data):
+    item = data[0]
+    assert list(item) == [field.name for field in fields(load.Item)] and len(item) == len(fields(load.Item))
+    assert item["narration"] == item.narration and "nothing" not in item and dict(item)["image"] is item.image
+
+
 def test_class_names_belong_to_labels(data):
     """Labels are places in the list of names."""
     assert data.class_names("noun_class")[data[2].noun_class] == "wire"

@@ -10,16 +10,16 @@ import pytest
 import torch
 
 from afford.extraction.hands import network as hand_network
-from afford.extraction.hands.network import GRID, MEAN, Hands, HandsConfig, exposed, segment, size
+from afford.extraction.hands.network import GRID, MEAN, HandFinder, HandFinderConfig, input_size, normalise_exposure, segment
 
-TINY = HandsConfig(height_px=48, width_px=80, widths=(4, 8, 12))
+TINY = HandFinderConfig(height_px=48, width_px=80, widths=(4, 8, 12))
 
 
 @pytest.fixture
 def model(tmp_path: Path) -> Path:
     """Random weights, and a norm that knows some statistics."""
     torch.manual_seed(0)
-    network = Hands(TINY)
+    network = HandFinder(TINY)
     network(torch.rand(4, 3, 48, 80))
     return hand_network.write_network(tmp_path, network, "# card\n")
 
@@ -54,12 +54,12 @@ def test_pictures_do_not_know_each_other(model: Path) -> None:
 @pytest.mark.parametrize(("height", "width"), [(1080, 1920), (480, 640), (1280, 720), (256, 456), (100, 1000)])
 def test_pictures_are_looked_at_with_as_many_pixels_as_the_config_says(height: int, width: int) -> None:
     """At their own aspect, about, whatever their size."""
-    config = HandsConfig()
-    down, across = size(height, width, config)
+    config = HandFinderConfig()
+    down, across = input_size(height, width, config)
     assert down % GRID == across % GRID == 0
     assert down * across == pytest.approx(config.height_px * config.width_px, rel=0.25)
     assert across / down == pytest.approx(width / height, rel=0.25)
-    assert size(2 * height, 2 * width, config) == (down, across) and size(height, width, config, 2.0)[1] > 1.8 * across
+    assert input_size(2 * height, 2 * width, config) == (down, across) and input_size(height, width, config, 2.0)[1] > 1.8 * across
 
 
 def test_pictures_are_brought_to_one_exposure() -> None:
@@ -67,10 +67,10 @@ def test_pictures_are_brought_to_one_exposure() -> None:
     plain = np.sort(pictures(1)[0].ravel()).reshape(60, 100, 3)
     for gamma in (0.4, 0.6, 1.8):
         lit = (255 * (plain / 255) ** gamma + 0.5).astype(np.uint8)
-        seen = exposed(lit)
+        seen = normalise_exposure(lit)
         assert seen.dtype == np.float32 and abs(seen.mean() - MEAN) < 0.5 * abs(lit.mean() / 255 - MEAN)
         assert seen.min() == 0 and seen.max() == 1 and (np.diff(seen.ravel()) >= 0).all()
-    assert exposed(np.full((2, 2, 3), 1, np.uint8)).max() < MEAN / 2
+    assert normalise_exposure(np.full((2, 2, 3), 1, np.uint8)).max() < MEAN / 2
 
 
 def test_what_is_no_finder_is_refused(model: Path, tmp_path: Path) -> None:

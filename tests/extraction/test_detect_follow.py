@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from afford.extraction.hands.motion import Looks
-from afford.extraction.hands.part_tracks import Piece, follow
+from afford.extraction.hands.motion import SampledFrames
+from afford.extraction.hands.part_tracks import Segment, link_segments
 
 SIZE = (60, 120)
 
@@ -17,17 +17,17 @@ def box(x: int, width: int = 20) -> np.ndarray:
     return mask
 
 
-def still(count: int) -> Looks:
+def still(count: int) -> SampledFrames:
     """Looks between which nothing is seen to move."""
     flow = np.zeros((SIZE[0] // 2, SIZE[1] // 2, 2), np.float32)
     rgb = np.zeros((count, *SIZE, 3), np.uint8)
-    return Looks(np.arange(count), rgb, np.arange(count) / 10, [None, *[flow] * (count - 1)], [*[flow] * (count - 1), None])
+    return SampledFrames(np.arange(count), rgb, np.arange(count) / 10, [None, *[flow] * (count - 1)], [*[flow] * (count - 1), None])
 
 
 def tracks(*masks: list[np.ndarray], leap_px: float) -> list[dict[int, np.ndarray]]:
-    found = [[Piece(mask, 0.5, 10.0) for mask in look] for look in masks]
-    made = follow(found, still(len(masks)), 0.2, 0, leap_px=leap_px)
-    return [{k: piece.mask for k, piece in track.pieces.items()} for track in made]
+    found = [[Segment(mask, 0.5, 10.0) for mask in look] for look in masks]
+    made = link_segments(found, still(len(masks)), 0.2, 0, leap_px=leap_px)
+    return [{k: segment.mask for k, segment in track.segments.items()} for track in made]
 
 
 @pytest.mark.parametrize(("x", "width", "leap_px", "count"), [(8, 20, 0, 1), (30, 20, 40, 1), (30, 20, 0, 2), (30, 20, 20, 2),
@@ -53,6 +53,6 @@ def test_two_that_meet_are_two_as_before() -> None:
 
 
 def test_a_small_part_does_not_share_with_a_large_one() -> None:
-    """It is a piece of it."""
+    """It is a segment of it."""
     found = tracks([box(10, 40), box(54, 4)], [box(10, 50)], leap_px=10)
     assert np.array_equal(found[0][1], box(10, 50))

@@ -7,11 +7,11 @@ from collections.abc import Iterable
 import numpy as np
 import pytest
 
-from afford.extraction.hands.part_tracks import Piece, Track
-from afford.extraction.hands.sides import Bearing, hands_of, sided
+from afford.extraction.hands.part_tracks import Segment, Track
+from afford.extraction.hands.sides import SidePrior, assign_sides, hand_segments
 
 SIZE = (60, 120)
-EGO = Bearing(False, 0.0, 0.0)
+EGO = SidePrior(False, 0.0, 0.0)
 
 
 def box(x: int) -> np.ndarray:
@@ -20,28 +20,28 @@ def box(x: int) -> np.ndarray:
     return mask
 
 
-def track(looks: Iterable[int], lean: float, mass: float, x: int) -> Track:
-    return Track({k: Piece(box(x), lean, mass) for k in looks})
+def track(sampled: Iterable[int], side_score: float, evidence: float, x: int) -> Track:
+    return Track({k: Segment(box(x), side_score, evidence) for k in sampled})
 
 
 def looks_of(tracks: list[Track], left: int, right: int) -> tuple[list[int], list[int]]:
-    """Looks at which each side is in sight, in order of mass."""
-    found = sided(tracks, EGO, 10)
+    """Looks at which each side is in sight, in order of evidence."""
+    found = assign_sides(tracks, EGO, 10)
     assert (len(found["left"]), len(found["right"])) == (left, right)
-    return tuple([k for one in found[side] for k in one.pieces] for side in ("left", "right"))  # type: ignore[return-value]  # two
+    return tuple([k for one in found[side] for k in one.segments] for side in ("left", "right"))  # type: ignore[return-value]  # two
 
 
 def test_votes_of_all_looks_count() -> None:
     """One look that errs changes nothing."""
     one = track(range(5), 0.5, 9, 0)
-    one.pieces[2] = Piece(box(0), -0.9, 9)
+    one.segments[2] = Segment(box(0), -0.9, 9)
     assert looks_of([one], 1, 0) == ([0, 1, 2, 3, 4], [])
 
 
 def test_of_two_that_vote_alike_the_lesser_has_the_other_side() -> None:
     first, lesser = track(range(4), 0.5, 9, 0), track(range(4), 0.4, 5, 60)
     assert looks_of([lesser, first], 1, 1) == ([0, 1, 2, 3], [0, 1, 2, 3])
-    assert sided([lesser, first], EGO, 10)["left"] == [first]
+    assert assign_sides([lesser, first], EGO, 10)["left"] == [first]
 
 
 def test_a_third_is_a_hand_where_a_side_is_free() -> None:
@@ -61,7 +61,7 @@ def test_a_near_part_is_of_the_same_hand(x: int, count: int) -> None:
 @pytest.mark.parametrize("facing", [False, True])
 def test_where_the_arm_comes_in(facing: bool) -> None:
     """At the lower left of a head camera; at the upper right of who is seen from the front; nothing of what lies in the middle."""
-    bearing, mask = Bearing(facing, 0.0, 1.0), np.zeros(SIZE, bool)
+    bearing, mask = SidePrior(facing, 0.0, 1.0), np.zeros(SIZE, bool)
     mask[20:40, 40:60] = True
     assert bearing.enters(mask) == 0
     mask[40:, 10:30] = True
@@ -72,12 +72,12 @@ def test_where_the_arm_comes_in(facing: bool) -> None:
 def test_who_has_a_side_of_its_own_goes_before_who_would_take_the_other() -> None:
     """Even where that one is more of a hand."""
     sure, more, unsure = track(range(4), 0.9, 4, 0), track(range(4), -0.9, 9, 30), track(range(4), -0.6, 7, 60)
-    found = sided([unsure, more, sure], EGO, 1)
+    found = assign_sides([unsure, more, sure], EGO, 1)
     assert found["left"] == [sure] and found["right"] == [more]
 
 
 def test_what_moves_is_more_of_a_hand() -> None:
     """Than the same at rest, which is one nevertheless."""
     p, side = np.where(box(30), 0.9, 0.1).astype(np.float32), np.zeros(SIZE, np.float32)
-    rests, moves = (hands_of(p, side, side, np.full(SIZE, speed, np.float32), 10, 0.2, EGO)[0] for speed in (0, 3))
-    assert moves.mass > 4 * rests.mass > 0 and np.array_equal(moves.mask, rests.mask)
+    rests, moves = (hand_segments(p, side, side, np.full(SIZE, speed, np.float32), 10, 0.2, EGO)[0] for speed in (0, 3))
+    assert moves.evidence > 4 * rests.evidence > 0 and np.array_equal(moves.mask, rests.mask)

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 from matplotlib.patches import FancyArrowPatch
 
-from afford.extraction.drawing import drawn
+from afford.extraction.stage_graph import graph_figure
 
 STAGES = ["scene_render", "source_read", "mask_densify", "narration_labelling", "record_affordance_intersect", "clip_record"]
 EDGES = [*pairwise(STAGES), ("scene_render", "clip_record"), ("source_read", "narration_labelling")]
@@ -16,7 +16,7 @@ TOUCH_PX = 4.0
 
 def test_every_arrow_goes_from_the_edge_of_one_box_to_the_edge_of_another() -> None:
     """Within a few pixels, whatever the length of the names; no box lies under an arrow."""
-    figure, boxes = drawn(STAGES, EDGES)
+    figure, boxes = graph_figure(STAGES, EDGES)
     figure.draw_without_rendering()
     (axes,) = figure.axes
     arrows = [patch for patch in axes.patches if isinstance(patch, FancyArrowPatch)]

@@ -13,7 +13,7 @@ import pytest
 from afford.common.masks import dilate, iou
 from afford.extraction.hands import LEFT, RIGHT, SLEEVE, TOUCHED
 from afford.extraction.hands.detect import Finder, detect
-from afford.extraction.sources.narrations import untold
+from afford.extraction.sources.narrations import default_narration
 from afford.extraction.sources.outlines import fill
 from schemas.video import NOT_IN_CONTACT, Annotation, Clip, Frames, KeyFrame
 from stages.extraction.hand_detect import Params
@@ -27,7 +27,7 @@ Masks = dict[int, np.ndarray]
 
 def clip_of(frames: Frames, **more: Any) -> Clip:
     last = int(frames.frame[-1])
-    plain = Clip("toy", "toy", "toy", "", ("toy.mp4",), "video", 30.0, False, 1, last, (), (untold(1, last),), ())
+    plain = Clip("toy", "toy", "toy", "", ("toy.mp4",), "video", 30.0, False, 1, last, (), (default_narration(1, last),), ())
     return replace(plain, **more)
 
 
@@ -103,7 +103,7 @@ def test_what_the_finder_takes_for_a_sleeve_is_not_touched() -> None:
 def test_what_alone_is_touched_has_the_name_of_the_narration() -> None:
     """And its class."""
     clip, masks = made()
-    said = replace(untold(1, COUNT), noun="card", noun_class=7)
+    said = replace(default_narration(1, COUNT), noun="card", noun_class=7)
     found = detect(clip_of(clip.frames, narrations=(said,)), clip.frames, finder(clip.frames, masks), PARAMS)
     assert {(a.name, a.class_id) for key in found.key_frames for a in key.annotations if not a.side} == {("card", 7)}
 

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from afford.common.errors import SourceError
-from afford.extraction.sources.hand_names import handless, is_vague, side_of
+from afford.extraction.sources.hand_names import is_vague, no_hands_remark, side_of
 from schemas.video import Clip
 from tests.extraction.test_readers_own import coco, compressed, read_own
 from tests.helpers.tiny_root import OTHER, clips, image, mask, write_root
@@ -73,8 +73,8 @@ def test_masks_without_a_hand_are_remarked_on(tmp_path: Path) -> None:
     """Hands may have another name; the sentence lists the names."""
     clip = read_own(tmp_path, named("main gauche"))
     masks = [(mask.side, mask.name) for key in clip.key_frames for mask in key.annotations]
-    assert "names are" in handless(masks) and "'main gauche'" in handless(masks)
-    assert handless([]) == handless([*masks, ("left", "left hand")]) == ""
+    assert "names are" in no_hands_remark(masks) and "'main gauche'" in no_hands_remark(masks)
+    assert no_hands_remark([]) == no_hands_remark([*masks, ("left", "left hand")]) == ""
 
 
 def test_masks_that_visor_publishes_are_as_they_are(tmp_path: Path) -> None:
@@ -99,5 +99,5 @@ def shares() -> dict[str, Any]:
     {"video_annotations": [image("mine", 1, [mask("left hand", "h", ([[0.1, 0.2], [0.5, 0.2], [1.0, 1.0]],))])]}])  # fmt: skip
 def test_normalised_coordinates_are_refused(tmp_path: Path, document: dict[str, Any]) -> None:
     """They ended as a hand without a pixel: no contact, no sample and no word about it."""
-    with pytest.raises(SourceError, match="corners in pixels, got none above 1: normalised coordinates; multiply x by the width"):
+    with pytest.raises(SourceError, match="corners in pixels, got normalised coordinates up to 1; multiply x by the width"):
         read_own(tmp_path, document)

@@ -11,21 +11,21 @@ import torch
 
 from afford.extraction.hands import network
 from afford.extraction.hands import train as finder
-from afford.extraction.hands.network import SIDE, HandsConfig, segment
+from afford.extraction.hands.network import SIDE, HandFinderConfig, segment
 from afford.models.weights import weights_root
+from afford.training.job import Plan
 from afford.training.loop import deterministic, train
-from afford.training.params import Plan
 from schemas.scene import LEFT_HAND, RIGHT_HAND, HandLessons
 from stages.extraction import hands_train
 from tests.helpers.made_finder import SMALL_TRAINING, made_up
 from tests.helpers.made_samples import Scratch
 
-TINY = HandsConfig(height_px=48, width_px=80, widths=(8, 16, 24))
+TINY = HandFinderConfig(height_px=48, width_px=80, widths=(8, 16, 24))
 LESSONS = (made_up("P71_01", "train"), made_up("P71_02", "train"), made_up("P72_01", "val"))
 
 
 def task(seed: int = 0) -> finder.FinderTask:
-    return finder.task(finder.seeded(TINY, 0), LESSONS, seed, 4, (32, 48), 16)
+    return finder.make_task(finder.init_model(TINY, 0), LESSONS, seed, 4, (32, 48), 16)
 
 
 def test_a_batch_is_a_function_of_its_number() -> None:
@@ -78,7 +78,7 @@ def test_the_stage_writes_a_finder_that_can_be_asked(tmp_path: Path) -> None:
     folder = weights_root(trained.files)
     assert "16 rendered pictures of 2 rooms" in (folder / "card.md").read_text()
     assert segment(LESSONS[0].pictures, folder).shape == (*LESSONS[0].pictures.shape[:3], 4)
-    assert network.read_network(folder).config == HandsConfig()
+    assert network.read_network(folder).config == HandFinderConfig()
 
 
 def bare(one: HandLessons) -> HandLessons:
@@ -89,4 +89,4 @@ def bare(one: HandLessons) -> HandLessons:
 def test_without_hands_to_learn_from_or_to_judge_nothing_is_trained(lacking: tuple[HandLessons, ...]) -> None:
     """The split is named, and what to do."""
     with pytest.raises(ValueError, match=r"expected pictures of the split (train|val) with and without hands, got .*hand_plan"):
-        finder.task(finder.seeded(TINY, 0), lacking, 0, 2, (32, 48), 8)
+        finder.make_task(finder.init_model(TINY, 0), lacking, 0, 2, (32, 48), 8)

@@ -141,7 +141,7 @@ def test_a_partial_or_foreign_lama_is_refused(clip: Toy, params: Params, tmp_pat
     save_file(broken, tmp_path / "broken.safetensors")
     save_file({"other.weight": torch.zeros(2)}, tmp_path / "foreign.safetensors")
     (tmp_path / "text.pt").write_text("not a model")
-    for model, said in (("", "needs a model"), (str(tmp_path), "which is no file"),
+    for model, said in (("", "needs a model"), (str(tmp_path), "which is not a file"),
                         (str(tmp_path / "foreign.safetensors"), r"expected the tensor model\.1\.ffc\.convl2l\.weight"),
                         (str(tmp_path / "broken.safetensors"), r"2 of \d+ tensors do not fit: extra model\.34\.extra, missing "
                          r"model\.5\.conv1\.bn_l\.weight; give LaMa's"),

@@ -8,10 +8,10 @@ import pytest
 
 from afford.common.masks import region_similarity
 from afford.extraction.layers.align import signed_distance
-from afford.extraction.layers.appearance import GRIP_SHADE, gather_colour, gather_votes, grip_shade, membrane, relight
+from afford.extraction.layers.appearance import CONTACT_SHADE, contact_shadow, gather_colour, gather_votes, harmonic_fill, relight
 from afford.extraction.layers.camera import far_homography, register
-from afford.extraction.layers.follow import follow
-from afford.extraction.layers.parallax import Sightings, miss, reconstruct, unit_matrix
+from afford.extraction.layers.parallax import Observations, reconstruct, reprojection_error, unit_matrix
+from afford.extraction.layers.template import track_template
 from tests.helpers.toy_clip import texture, toy
 
 K = np.array([[300.0, 0, 160], [0, 300, 100], [0, 0, 1]])
@@ -23,7 +23,7 @@ def moving_camera(count: int) -> np.ndarray:
     return np.stack([K @ np.column_stack([np.eye(3), [-x, 0.2 * x * x, 0]]) for x in slide])
 
 
-def scene(depth_m: float, seed: int = 0) -> tuple[Sightings, np.ndarray]:
+def scene(depth_m: float, seed: int = 0) -> tuple[Observations, np.ndarray]:
     """Sightings, in unit coordinates, of a slanted plane with points up to `depth_m` before it; planes (t, 3, 3) that fit it."""
     rng = np.random.default_rng(seed)
     x, y = rng.uniform(-0.4, 0.4, 300), rng.uniform(-0.25, 0.25, 300)
@@ -34,7 +34,7 @@ def scene(depth_m: float, seed: int = 0) -> tuple[Sightings, np.ndarray]:
     flat, views = np.arange(300) % 3 != 0, xy.reshape(15, 300, 2)
     planes = [cv2.findHomography(views[7][flat], view[flat])[0] for view in views]
     rows, ids = np.repeat(np.arange(15), 300), np.tile(np.arange(300), 15)
-    return Sightings(ids, rows, xy), np.stack(planes)
+    return Observations(ids, rows, xy), np.stack(planes)
 
 
 @pytest.mark.parametrize("depth_m", [0.0, 0.3])
@@ -43,7 +43,7 @@ def test_reconstruction_explains_every_sighting(depth_m: float) -> None:
     seen, planes = scene(depth_m)
     unit_px = unit_matrix(320, 200)[0, 0]
     cameras, points = reconstruct(seen, planes, unit_px)
-    assert np.quantile(np.linalg.norm(miss(cameras, points, seen), axis=1), 0.9) < 0.25 * unit_px
+    assert np.quantile(np.linalg.norm(reprojection_error(cameras, points, seen), axis=1), 0.9) < 0.25 * unit_px
 
 
 def test_a_flat_scene_gets_no_parallax() -> None:
@@ -123,7 +123,7 @@ def test_a_quick_turn_is_followed() -> None:
     turn = cv2.getRotationMatrix2D((70.0, 48.0), 5, 1)
     turn[:, 2] += [3, -1]
     moved = [cv2.warpAffine(image, turn, (grey.shape[1], grey.shape[0])) for image in (grey, mask.view(np.uint8))]
-    path = follow(np.stack([grey, moved[0]]), np.stack([mask, moved[1] > 0]), np.zeros((2, *mask.shape), bool))
+    path = track_template(np.stack([grey, moved[0]]), np.stack([mask, moved[1] > 0]), np.zeros((2, *mask.shape), bool))
     expected = np.column_stack([turn[:, :2] @ path.poses[0][:, :2], turn @ np.append(path.poses[0][:, 2], 1)])
     assert path.fit.min() > 0.95
     assert np.abs(path.poses[1] - expected).max() < 0.5
@@ -133,7 +133,7 @@ def test_following_holds_on_through_occlusion() -> None:
     """Laid over every frame, the canvas of the card covers the true card."""
     clip = toy()
     grey = np.stack([cv2.cvtColor(image, cv2.COLOR_RGB2GRAY) for image in clip.frames.rgb])
-    path = follow(grey, clip.tracks.masks[2], clip.tracks.masks[1])
+    path = track_template(grey, clip.tracks.masks[2], clip.tracks.masks[1])
     first = int(np.argmax(path.fit))
     for t in range(0, len(grey), 6):
         motion = np.vstack([path.poses[t], [0, 0, 1]]) @ np.linalg.inv(np.vstack([path.poses[first], [0, 0, 1]]))
@@ -145,12 +145,12 @@ def test_membrane_keeps_known_values_and_stays_between_them() -> None:
     """A surface through two values never leaves their range, and a constant stays constant."""
     values, weight = np.zeros((20, 30), np.float32), np.zeros((20, 30), np.float32)
     values[:, -1], weight[:, 0], weight[:, -1] = 1, 1, 1
-    surface = membrane(values, weight)
+    surface = harmonic_fill(values, weight)
     assert surface[:, 0].max() < 0.05
     assert surface[:, -1].min() > 0.95
     assert surface.min() >= 0
     assert surface.max() <= 1
-    assert np.allclose(membrane(np.full((20, 30), 0.3, np.float32), weight), 0.3, atol=1e-5)
+    assert np.allclose(harmonic_fill(np.full((20, 30), 0.3, np.float32), weight), 0.3, atol=1e-5)
 
 
 def test_relight_meets_the_rim() -> None:
@@ -167,14 +167,14 @@ def test_a_grip_shades_its_inside_alone() -> None:
     """Nothing outside the hand, darker the deeper under it, and never darker than the limit."""
     hole = np.zeros((60, 60), bool)
     hole[5:55, 5:55] = True
-    shade = grip_shade(hole)
+    shade = contact_shadow(hole)
     assert (shade[~hole] == 1).all() and (np.diff(shade[30, 5:30]) < 0).all()
-    assert shade.min() >= np.exp(-GRIP_SHADE) and shade[30, 30] < 1 - GRIP_SHADE / 2
+    assert shade.min() >= np.exp(-CONTACT_SHADE) and shade[30, 30] < 1 - CONTACT_SHADE / 2
 
 
 def test_a_point_on_the_horizon_of_a_badly_linked_frame_stays_finite() -> None:
     """A homography whose horizon runs through a sighting has a large but finite miss there."""
-    seen = Sightings(np.array([0]), np.array([0]), np.array([[0.5, 0.0]]))
+    seen = Observations(np.array([0]), np.array([0]), np.array([[0.5, 0.0]]))
     camera = np.concatenate([np.eye(3), np.zeros((3, 1))], axis=1)
     camera[2, 0] = -2.0
-    assert np.isfinite(miss(camera[None], np.array([[0.5, 0.0, 1.0, 0.0]]), seen)).all()
+    assert np.isfinite(reprojection_error(camera[None], np.array([[0.5, 0.0, 1.0, 0.0]]), seen)).all()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from afford.common.masks import iou
-from afford.extraction.hands.refine import IS, IS_NOT, MAY_BE, outlined
+from afford.extraction.hands.refine import CERTAIN, EXCLUDED, PROBABLE, segment_grabcut
 
 HEIGHT, WIDTH = 120, 160
 
@@ -20,7 +20,7 @@ def scene() -> tuple[np.ndarray, np.ndarray]:
 
 def odds_of(inner: np.ndarray, outer: np.ndarray) -> np.ndarray:
     out = np.zeros((HEIGHT, WIDTH), np.float32)
-    out[inner], out[outer] = IS + 1, IS_NOT - 1
+    out[inner], out[outer] = CERTAIN + 1, EXCLUDED - 1
     return out
 
 
@@ -29,7 +29,7 @@ def test_a_part_of_a_thing_becomes_all_of_it() -> None:
     rgb, disc = scene()
     y, x = np.mgrid[:HEIGHT, :WIDTH]
     away = np.hypot(y - 60, x - 80)
-    found = outlined(odds_of(away < 18, away > 45), rgb, np.zeros_like(disc))
+    found = segment_grabcut(odds_of(away < 18, away > 45), rgb, np.zeros_like(disc))
     assert iou(found, disc) > 0.9
 
 
@@ -39,8 +39,8 @@ def test_what_is_too_much_shrinks_to_the_thing() -> None:
     y, x = np.mgrid[:HEIGHT, :WIDTH]
     away = np.hypot(y - 60, x - 80)
     odds = odds_of(away < 25, away > 50)
-    odds[(away >= 25) & (away < 38)] = MAY_BE + 1
-    assert iou(outlined(odds, rgb, np.zeros_like(disc)), disc) > 0.9 > iou(odds > MAY_BE, disc)
+    odds[(away >= 25) & (away < 38)] = PROBABLE + 1
+    assert iou(segment_grabcut(odds, rgb, np.zeros_like(disc)), disc) > 0.9 > iou(odds > PROBABLE, disc)
 
 
 def test_never_is_never_and_the_same_is_the_same() -> None:
@@ -48,13 +48,13 @@ def test_never_is_never_and_the_same_is_the_same() -> None:
     never = np.zeros_like(disc)
     never[:, :80] = True
     odds = odds_of(disc, ~disc)
-    found = outlined(odds, rgb, never)
+    found = segment_grabcut(odds, rgb, never)
     assert found.any() and not (found & never).any()
-    assert np.array_equal(found, outlined(odds, rgb, never))
+    assert np.array_equal(found, segment_grabcut(odds, rgb, never))
 
 
 def test_without_a_beginning_or_without_an_end_there_is_no_outline() -> None:
     rgb, disc = scene()
     nothing = np.zeros((HEIGHT, WIDTH), np.float32)
-    assert not outlined(nothing, rgb, np.zeros_like(disc)).any()
-    assert not outlined(nothing + IS + 1, rgb, np.zeros_like(disc)).any()
+    assert not segment_grabcut(nothing, rgb, np.zeros_like(disc)).any()
+    assert not segment_grabcut(nothing + CERTAIN + 1, rgb, np.zeros_like(disc)).any()

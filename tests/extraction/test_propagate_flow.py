@@ -10,7 +10,7 @@ from afford.common.masks import region_similarity
 from afford.common.optical_flow import compose_flow, flow_between
 from afford.extraction.tracks import UNKNOWN, Flow, flow
 from afford.extraction.tracks.densify import dense, nearest
-from afford.extraction.tracks.match import UNMATCHED, colours, match, step_between
+from afford.extraction.tracks.match import UNMATCHED, coarse_to_fine_flow, padded_lab, patch_match
 from tests.helpers.moving_shapes import CUP, HAND, film, texture
 
 PARAMS = Flow(search_px=1, band_px=4)
@@ -82,7 +82,7 @@ def test_a_leap_is_found_where_flow_is_lost() -> None:
     """Of a bar that jumps by 20 px, most pixels get the jump as their motion back to the frame before."""
     (last, before), (rgb, here) = arm(4), arm(5)
     grey = [cv2.cvtColor(image, cv2.COLOR_RGB2GRAY) for image in (rgb, last)]
-    step = step_between(*grey, before.astype(np.int16))
+    step = coarse_to_fine_flow(*grey, before.astype(np.int16))
     jumped = (here & np.roll(before, -20, axis=1))[..., None] & (np.abs(step - (20, 0)) < 2)
     assert jumped.all(axis=2).sum() > 0.8 * (here & np.roll(before, -20, axis=1)).sum()
 
@@ -92,8 +92,8 @@ def test_a_patch_is_found_in_its_own_entity() -> None:
     rgb, truth = film(1)
     where = np.argwhere(truth[0] == HAND)[::40]
     cost = np.full((len(where), 4), UNMATCHED, np.float32)
-    same = colours(rgb[0])
-    match(same, same, truth[0], np.zeros((*truth[0].shape, 2), np.float32), where, 1, np.float32(0), cost)
+    same = padded_lab(rgb[0])
+    patch_match(same, same, truth[0], np.zeros((*truth[0].shape, 2), np.float32), where, 1, np.float32(0), cost)
     assert (cost[:, HAND] == 0).all() and (cost[:, 3] == UNMATCHED).all()
 
 

@@ -29,7 +29,7 @@ def test_released_frames_need_the_mapping(tmp_path: Path) -> None:
     with pytest.raises(SourceError, match=r"frame_mapping\.json: expected an entry for P03_101, got 1 other"):
         keys(tmp_path)
     (tmp_path / "frame_mapping.json").unlink()
-    with pytest.raises(SourceError, match=r"frame_mapping\.json: expected VISOR's table .* got nothing; put it"):
+    with pytest.raises(SourceError, match=r"frame_mapping\.json: expected VISOR's table .* got no such file; put it"):
         keys(tmp_path)
     (tmp_path / "P03" / "rgb_frames" / "P03_101.tar").unlink()
     write_zip(tmp_path)

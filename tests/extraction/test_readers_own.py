@@ -12,7 +12,7 @@ from pycocotools import mask as coco_mask
 
 from afford.common.errors import SourceError
 from afford.extraction.sources.narrations import seconds, verb_and_nouns
-from afford.extraction.sources.outlines import boxed, rasterise, run_lengths, trace
+from afford.extraction.sources.outlines import boxed_mask, rasterise, run_lengths, trace
 from schemas.video import Clip
 from stages.extraction import source_read
 from tests.helpers.tiny_root import HEIGHT, WIDTH, image, trees, write_video
@@ -181,7 +181,7 @@ def test_a_mask_drawn_in_its_box_is_the_mask(seed: int) -> None:
     height, width = rng.integers(1, 50, 2)
     mask = rng.random((height, width)) < rng.choice([0.02, 0.3, 0.98])
     code = coco_mask.encode(np.asfortranarray(mask.astype(np.uint8)))["counts"].decode()
-    found, whole = boxed(run_lengths(code, height, width), height), np.zeros_like(mask)
+    found, whole = boxed_mask(run_lengths(code, height, width), height), np.zeros_like(mask)
     whole[found.y : found.y + found.mask.shape[0], found.x : found.x + found.mask.shape[1]] = found.mask
     assert np.array_equal(whole, mask)
     outlines = trace(found.mask, (found.x, found.y))

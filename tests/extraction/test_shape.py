@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from afford.extraction.layers.follow import Path
-from afford.extraction.layers.shape import BRIDGE_TRUST, bridge, complete_shape
+from afford.extraction.layers.shape import BRIDGE_CONFIDENCE, bridge, complete_shape
+from afford.extraction.layers.template import PoseTrack
 
 
 def crossed_bar() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -32,9 +32,9 @@ def test_a_hidden_end_is_not_bridged() -> None:
 def test_nothing_is_guessed_outside_the_unknown() -> None:
     """In a lone frame the handle is bridged where `unknown` allows; elsewhere it stays as it is seen, in little trust."""
     bar, head, finger = crossed_bar()
-    visible, path = ((bar | head) & ~finger)[None], Path(np.eye(2, 3)[None], np.zeros(1, np.float32))
+    visible, path = ((bar | head) & ~finger)[None], PoseTrack(np.eye(2, 3)[None], np.zeros(1, np.float32))
     complete, confidence = complete_shape(path, np.array([1]), visible, finger[None], np.zeros_like(finger)[None])
     assert np.array_equal(complete, visible)
     complete, confidence = complete_shape(path, np.array([1]), visible, finger[None], finger[None])
     assert np.array_equal(complete[0], bar | head)
-    assert confidence[0] == BRIDGE_TRUST
+    assert confidence[0] == BRIDGE_CONFIDENCE

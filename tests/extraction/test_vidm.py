@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from afford.extraction.inpaint.vidm import context
+from afford.extraction.inpaint.vidm import context_frames
 from schemas.video import Inpainted, PixelSource
 from stages.extraction import hand_inpaint
 from stages.extraction.hand_inpaint import Params
@@ -89,7 +89,8 @@ def test_one_frame_is_a_clip(params: Params) -> None:
 
 
 @pytest.mark.parametrize(("change", "said"), [
-    ({"model": ""}, "needs a model: expected the published checkpoint"), ({"model": "/nowhere"}, "'/nowhere', which is not there"),
+    ({"model": ""}, "needs a model: expected the published checkpoint"),
+    ({"model": "/nowhere"}, "'/nowhere', which does not exist"),
     ({"ddim_steps": 0}, "ddim_steps: expected 1 to 500"), ({"ddim_steps": 501}, "got 501"), ({"batch": 0}, "batch: expected 1"),
     ({"device": "tpu"}, "device 'tpu': expected cpu, cuda or cuda:N"), ({"dtype": "int8"}, "dtype 'int8': expected one of float32"),
     ({"window_px": 8}, "window_px: expected 0 or 64")])  # fmt: skip
@@ -102,6 +103,7 @@ def test_what_cannot_be_run_is_said(clip: Toy, params: Params, change: dict[str,
 
 def test_the_target_is_last_and_the_others_keep_their_order() -> None:
     """Four frames give each frame once as the target, as the released script has them; a stretch stays within the clip."""
-    assert [context(t, 4, 4) for t in range(4)] == [[1, 2, 3, 0], [0, 2, 3, 1], [0, 1, 3, 2], [0, 1, 2, 3]]
-    assert context(50, 100, 4, within=8) == [46, 48, 52, 50] and context(50, 100, 4) == [0, 25, 75, 50]
-    assert all(0 <= i < 100 for t in (0, 99) for i in context(t, 100, 4, within=8)) and context(0, 1, 4) == [0, 0, 0, 0]
+    assert [context_frames(t, 4, 4) for t in range(4)] == [[1, 2, 3, 0], [0, 2, 3, 1], [0, 1, 3, 2], [0, 1, 2, 3]]
+    assert context_frames(50, 100, 4, within=8) == [46, 48, 52, 50] and context_frames(50, 100, 4) == [0, 25, 75, 50]
+    assert all(0 <= i < 100 for t in (0, 99) for i in context_frames(t, 100, 4, within=8))
+    assert context_frames(0, 1, 4) == [0, 0, 0, 0]

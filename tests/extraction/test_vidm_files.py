@@ -10,7 +10,7 @@ import torch
 from safetensors.torch import save_file
 from torch import Tensor, nn
 
-from afford.extraction.inpaint.vidm_model import Vidm, load, our_names, save
+from afford.extraction.inpaint.vidm_model import Vidm, load, rename_tensors, save
 from afford.extraction.inpaint.vidm_unet import VidmConfig
 from tests.helpers.tiny_inpainters import VIDM, random_tensors, save_vidm, vidm_checkpoint
 
@@ -49,7 +49,8 @@ def test_every_published_name_and_shape_is_ours() -> None:
         model = Vidm(VidmConfig())
         given = {name: torch.empty(shape) for name, shape in vidm_checkpoint(VidmConfig()).items()}
     own = {name: tuple(tensor.shape) for name, tensor in model.state_dict().items()}
-    assert {name: tuple(tensor.shape) for name, tensor in our_names(given, model.unet.state_dict(), VidmConfig()).items()} == own
+    renamed = rename_tensors(given, model.unet.state_dict(), VidmConfig())
+    assert {name: tuple(tensor.shape) for name, tensor in renamed.items()} == own
 
 
 def test_the_moving_average_is_taken(published: dict[str, Tensor], tmp_path: Path) -> None:
@@ -100,7 +101,7 @@ def test_a_checkpoint_of_a_picture_model_is_refused(tmp_path: Path) -> None:
 def test_a_partial_vidm_folder_is_refused(tmp_path: Path) -> None:
     """No config, another format, a field that nobody knows, no weights."""
     for text, said in (("", "expected the config"), ('{"format": "x"}', 'expected "format": "afford-vidm-1"'),
-                       ('{"format": "afford-vidm-1", "depth": 3}', "got depth too"),
+                       ('{"format": "afford-vidm-1", "depth": 3}', "unknown fields depth"),
                        ('{"format": "afford-vidm-1"}', r"model\.safetensors: expected a checkpoint")):  # fmt: skip
         (tmp_path / "config.json").write_text(text)
         with pytest.raises(ValueError, match=said):

@@ -12,9 +12,21 @@ from afford.grasping.hand import read_urdf
 from afford.grasping.hand.export import save_hand
 from afford.grasping.hand.kinematics import forward_kinematics
 from afford.grasping.hand.link_meshes import shape_mesh
-from afford.grasping.policies.cameras import HAND, NOTHING, OBJECT, Images, Rig, shoot, spots
-from afford.grasping.policies.depth_noise import RANDOM_DEPTH, DepthNoise, drawn, noisy
-from afford.grasping.policies.shapes import body_shape, hand_shape
+from afford.grasping.policies.depth_cameras import (
+    HAND,
+    NOTHING,
+    OBJECT,
+    RANDOM_DEPTH,
+    CameraRig,
+    DepthImages,
+    DepthNoise,
+    add_depth_noise,
+    body_shape,
+    hand_shape,
+    random_depth_noise,
+    render_depth,
+    unproject,
+)
 from afford.render.raster import project
 from afford.render.views.surface import Rays
 from tests.helpers.made_hands import shadow
@@ -39,20 +51,20 @@ def scene(tmp_path_factory):  # type: ignore[no-untyped-def]
     return state.q[:1], state.body[:1], body, trimesh.util.concatenate(links), trimesh.util.concatenate(hulls)
 
 
-def taken(scene, rig: Rig) -> Images:  # type: ignore[no-untyped-def]
+def taken(scene, rig: CameraRig) -> DepthImages:  # type: ignore[no-untyped-def]
     q, pose, body, *_ = scene
-    return shoot(rig.cameras(), hand_shape(shadow()), [body_shape(body)], q, pose)
+    return render_depth(rig.cameras(), hand_shape(shadow()), [body_shape(body)], q, pose)
 
 
-@pytest.mark.parametrize("rig", [Rig(), Rig(5, 64)], ids=["two of 96", "five of 64"])
-def test_points_are_on_the_surface_that_rays_hit(scene, rig: Rig) -> None:  # type: ignore[no-untyped-def]
+@pytest.mark.parametrize("rig", [CameraRig(), CameraRig(5, 64)], ids=["two of 96", "five of 64"])
+def test_points_are_on_the_surface_that_rays_hit(scene, rig: CameraRig) -> None:  # type: ignore[no-untyped-def]
     """99 % within 3 mm of what Embree hits first through the same pixel, and of the same kind."""
     *_, hand, thing = scene
     images, cameras = taken(scene, rig), rig.cameras()
     vertices = np.concatenate([hand.vertices, thing.vertices])
     faces = np.concatenate([hand.faces, thing.faces + len(hand.vertices)])
     pixels = np.flatnonzero(images.kind[0])
-    places = spots(cameras, images.depth_m[0], pixels)
+    places = unproject(cameras, images.depth_m[0], pixels)
     eyes = np.array([camera.T_world_cam[:3, 3] for camera in cameras])[pixels // rig.size_px**2]
     ways = places - eyes
     hit = Rays(vertices, faces).first(eyes, ways)
@@ -71,10 +83,10 @@ def test_points_are_on_the_surface_that_rays_hit(scene, rig: Rig) -> None:  # ty
 def test_pixels_that_show_nothing_hit_nothing(scene) -> None:  # type: ignore[no-untyped-def]
     """Rays through them pass by: the z-buffer has no gaps."""
     *_, hand, thing = scene
-    rig = Rig()
+    rig = CameraRig()
     images, both = taken(scene, rig), trimesh.util.concatenate([hand, thing])
     empty = np.flatnonzero(images.kind[0] == NOTHING)
-    far = spots(rig.cameras(), np.ones_like(images.depth_m[0]), empty)
+    far = unproject(rig.cameras(), np.ones_like(images.depth_m[0]), empty)
     eyes = np.array([camera.T_world_cam[:3, 3] for camera in rig.cameras()])[empty // rig.size_px**2]
     hits = (Rays(both.vertices, both.faces).first(eyes, far - eyes) >= 0).sum()
     assert hits < 0.02 * (images.kind != NOTHING).sum()
@@ -82,10 +94,10 @@ def test_pixels_that_show_nothing_hit_nothing(scene) -> None:  # type: ignore[no
 
 def test_places_fall_back_on_their_pixels(scene) -> None:  # type: ignore[no-untyped-def]
     """Out of the picture and into it again."""
-    rig = Rig(3, 48)
+    rig = CameraRig(3, 48)
     depth = taken(scene, rig).depth_m[0]
     pixels = np.flatnonzero(depth)
-    places, cameras = spots(rig.cameras(), depth, pixels), rig.cameras()
+    places, cameras = unproject(rig.cameras(), depth, pixels), rig.cameras()
     for (view, y, x), place in zip(np.argwhere(depth), places, strict=True):
         u, v, z = project(place[None], cameras[view])[0]
         assert (u / z, v / z, z) == pytest.approx((x, y, depth[view, y, x]), abs=1e-4)
@@ -105,14 +117,14 @@ def test_fingertips_of_engines_are_on_the_hand_that_is_seen(engine: str) -> None
         assert (gap < 0.01).all()
 
 
-def flat(depth_m: float) -> Images:
+def flat(depth_m: float) -> DepthImages:
     shape = (1, 1, 100, 100)
-    return Images(np.full(shape, depth_m, np.float32), np.full(shape, HAND, np.uint8))
+    return DepthImages(np.full(shape, depth_m, np.float32), np.full(shape, HAND, np.uint8))
 
 
 def test_depth_scatters_with_the_square_of_the_distance() -> None:
     """Four times as much at twice the distance."""
-    spread = [noisy(flat(z), [DepthNoise(scatter_m=0.004)], np.random.default_rng(0)).depth_m.std() for z in (0.4, 0.8)]
+    spread = [add_depth_noise(flat(z), [DepthNoise(scatter_m=0.004)], np.random.default_rng(0)).depth_m.std() for z in (0.4, 0.8)]
     assert spread == pytest.approx([0.004 * 0.16, 0.004 * 0.64], rel=0.05)
 
 
@@ -120,25 +132,26 @@ def test_depth_comes_in_steps_of_disparity() -> None:
     """Neighbouring depths are step z^2 apart."""
     rng = np.random.default_rng(0)
     depth = rng.uniform(0.4, 0.8, (1, 1, 200, 200)).astype(np.float32)
-    found = np.unique(noisy(Images(depth, np.full(depth.shape, OBJECT, np.uint8)), [DepthNoise(step_m=0.01)], rng).depth_m)
+    found = np.unique(add_depth_noise(DepthImages(depth, np.full(depth.shape, OBJECT, np.uint8)), [DepthNoise(step_m=0.01)],
+                                      rng).depth_m)  # fmt: skip
     middle = (found[1:] + found[:-1]) / 2
     assert np.diff(found) == pytest.approx(0.01 * middle**2, rel=0.02)
 
 
 def test_holes_show_nothing_and_no_noise_changes_nothing() -> None:
     """As many as asked for; the very same pictures where all is well."""
-    images = noisy(flat(0.5), [DepthNoise(holes=0.2)], np.random.default_rng(0))
+    images = add_depth_noise(flat(0.5), [DepthNoise(holes=0.2)], np.random.default_rng(0))
     assert (images.kind == NOTHING).mean() == pytest.approx(0.2, abs=0.02)
     assert np.array_equal(images.depth_m == 0, images.kind == NOTHING)
     assert images.depth_m[images.kind == HAND] == pytest.approx(0.5)
     same = flat(0.5)
-    assert noisy(same, [DepthNoise()], np.random.default_rng(0)) is same
+    assert add_depth_noise(same, [DepthNoise()], np.random.default_rng(0)) is same
 
 
 def test_noise_is_drawn_within_its_table() -> None:
     """The same seed, the same noise; seeds differ."""
-    found = [drawn(seed) for seed in range(30)]
-    assert found[0] == drawn(0) != found[1]
+    found = [random_depth_noise(seed) for seed in range(30)]
+    assert found[0] == random_depth_noise(0) != found[1]
     for name, span in RANDOM_DEPTH.items():
         assert all(span.low <= getattr(one, name) <= span.high for one in found)
 
@@ -146,4 +159,4 @@ def test_noise_is_drawn_within_its_table() -> None:
 @pytest.mark.parametrize("wrong", [{"views": 6}, {"views": 0}, {"size_px": 0}, {"view_deg": 180.0}])
 def test_rigs_that_cannot_be_are_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(ValueError, match="expected 1 to 5 views"):
-        Rig(**wrong)  # type: ignore[arg-type]  # fields of Rig
+        CameraRig(**wrong)  # type: ignore[arg-type]  # fields of Rig

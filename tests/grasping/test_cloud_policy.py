@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from afford.grasping.rl.cloud_policy import CloudConfig, CloudPolicy, paper
+from afford.grasping.rl.cloud_policy import CloudConfig, CloudPolicy, paper_config
 
 
 def seen(n: int = 3, points: int = 64) -> tuple[Tensor, Tensor, Tensor]:
@@ -20,7 +20,7 @@ def model() -> CloudPolicy:
 
 def test_paper_sizes() -> None:
     """PointNets of 128, 256 (maximum and mean), 256, 128; two blocks of 128 numbers and 4 heads, dropout 0.1; 1024-1024-512-512."""
-    made = CloudPolicy(paper(220, 24))
+    made = CloudPolicy(paper_config(220, 24))
     assert made.config.dropout == 0.1 and len(made.mixer.layers) == 2
     for net in (made.hand, made.object, made.all, made.negative):
         linear = [layer for layer in net.modules() if isinstance(layer, nn.Linear)]

@@ -8,7 +8,7 @@ import torch
 
 from afford.grasping.rl import dagger
 from afford.grasping.rl.cloud_policy import CloudConfig, CloudPolicy
-from afford.grasping.rl.ppo import adam
+from afford.grasping.rl.ppo import make_optimizer
 
 
 class Reach:
@@ -19,7 +19,7 @@ class Reach:
     def __init__(self, n: int = 16) -> None:
         self._n, self._at, self._goal = n, np.zeros(n), np.zeros(n)
 
-    def begin(self, round_: int) -> dagger.Seen:
+    def begin(self, round_: int) -> dagger.Observation:
         rng = np.random.default_rng(round_)
         self._at, self._goal = np.zeros(self._n), rng.uniform(-0.1, 0.1, self._n)
         return self._seen()
@@ -27,14 +27,14 @@ class Reach:
     def label(self) -> np.ndarray:
         return ((self._goal - self._at) * 10).clip(-0.3, 0.3)[:, None]
 
-    def step(self, action: np.ndarray) -> dagger.Seen:
+    def step(self, action: np.ndarray) -> dagger.Observation:
         self._at = self._at + action[:, 0] / 10
         return self._seen()
 
     def report(self) -> dict[str, np.ndarray]:
         return {"near": (np.abs(self._goal - self._at) < 0.01).astype(float)}
 
-    def _seen(self) -> dagger.Seen:
+    def _seen(self) -> dagger.Observation:
         cloud = np.zeros((self._n, 4, 3), np.float16)
         cloud[:, 2:, 0] = (self._goal - self._at)[:, None]
         return np.zeros((self._n, 2), np.float32), cloud, np.zeros((self._n, 3, 3), np.float16)
@@ -44,8 +44,8 @@ def trained(rounds: int, stop: int = 0) -> tuple[CloudPolicy, list[dict[str, flo
     """In one go, or as if it had been killed after `stop` rounds and gone on from what it had kept."""
     torch.manual_seed(0)
     model = CloudPolicy(CloudConfig(2, 1, (8, 16), 16, hidden=(32,)))
-    config = dagger.Config(rounds=rounds, updates=20, batch=32, buffer=400, led=3, lr=3e-3)
-    optimiser, buffer, notes = adam(model, config.lr), dagger.Buffer(config.buffer), list[dict[str, float]]()
+    config = dagger.DaggerConfig(rounds=rounds, updates=20, batch=32, buffer=400, led=3, lr=3e-3)
+    optimiser, buffer, notes = make_optimizer(model, config.lr), dagger.ReplayBuffer(config.buffer), list[dict[str, float]]()
 
     def each(number: int, scalars: dict[str, float]) -> None:
         notes.append(scalars)
@@ -54,9 +54,9 @@ def trained(rounds: int, stop: int = 0) -> tuple[CloudPolicy, list[dict[str, flo
 
     if stop:
         with pytest.raises(InterruptedError):
-            dagger.learn(Reach(), model, config, optimiser, buffer, 0, each)
+            dagger.train(Reach(), model, config, optimiser, buffer, 0, each)
         torch.manual_seed(5)  # whatever state another process is in
-    dagger.learn(Reach(), model, config, optimiser, buffer, stop, each)
+    dagger.train(Reach(), model, config, optimiser, buffer, stop, each)
     return model, notes
 
 
@@ -77,11 +77,11 @@ def test_a_training_that_was_interrupted_ends_the_same() -> None:
 
 def test_the_oldest_moments_are_forgotten_first() -> None:
     """A ring."""
-    buffer, rng = dagger.Buffer(5), np.random.default_rng(0)
+    buffer, rng = dagger.ReplayBuffer(5), np.random.default_rng(0)
     for first in (0, 3, 6):
         buffer.add(np.arange(first, first + 3), np.arange(first, first + 3) * 2.0)
-    drawn, label = buffer.draw(rng, 200)
+    drawn, label = buffer.sample(rng, 200)
     assert set(drawn.tolist()) == {4, 5, 6, 7, 8} and torch.equal(label, drawn * 2.0)
-    half = dagger.Buffer(5)
+    half = dagger.ReplayBuffer(5)
     half.add(np.arange(2))
-    assert set(half.draw(rng, 50)[0].tolist()) == {0, 1}
+    assert set(half.sample(rng, 50)[0].tolist()) == {0, 1}

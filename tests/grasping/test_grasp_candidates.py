@@ -1,4 +1,4 @@
-"""Grasps from masks and depth: on the thing, across it, off what is negative, the same in a mirror, for hands that are taken."""
+"""Grasp candidates from masks and depth: pose, width, negative points, mirror symmetry, pairs of hands."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from afford.grasping.candidates.find import APART_M, SAFE_M
 from afford.grasping.candidates.point_cloud import unproject
-from schemas.grasp import TERMS, GraspScene, HandCandidates
+from schemas.grasp import TERMS, GraspCandidates, GraspScene, HandCandidates
 from stages.grasping import grasp_candidates
 from tests.helpers.made_looks import RADIUS_M, nothing, rod
 
@@ -33,6 +33,17 @@ def right(scene: GraspScene) -> HandCandidates:
     return grasp_candidates.run(scene, PARAMS).hands[1]
 
 
+@pytest.fixture(scope="module")
+def scene() -> GraspScene:
+    """A rod whose near end is for the right hand."""
+    return rod(right=near_end)[0]
+
+
+@pytest.fixture(scope="module")
+def found(scene: GraspScene) -> GraspCandidates:
+    return grasp_candidates.run(scene, PARAMS)
+
+
 def in_world(T: np.ndarray, found: HandCandidates) -> np.ndarray:
     out: np.ndarray = T @ found.T_cam_grasp
     return out
@@ -40,7 +51,7 @@ def in_world(T: np.ndarray, found: HandCandidates) -> np.ndarray:
 
 @pytest.mark.parametrize(("yaw", "noise_m"), [(0.0, 0.0), (0.7, 0.0), (0.4, 0.0015)])
 def test_a_rod_is_grasped_across_its_length(yaw: float, noise_m: float) -> None:
-    """The best lies on the axis of the rod to 7 mm (two pixels), thumb along it, from above; its width is the rod's."""
+    """The best grasp lies on the axis of the rod to 7 mm (two pixels), thumb along it, from above; its width is the rod's."""
     scene, T = rod(right=near_end, yaw_rad=yaw, noise_m=noise_m)
     found = right(scene)
     best = in_world(T, found)[0]
@@ -52,48 +63,55 @@ def test_a_rod_is_grasped_across_its_length(yaw: float, noise_m: float) -> None:
     assert -0.1 < best[:3, 3] @ along < 0.0
 
 
-def test_candidates_are_frames_on_the_cloud_best_first() -> None:
-    """Rotations; the fingers close at right angles to the approach; each is within a width of a point that the camera saw."""
-    scene, _ = rod(right=near_end)
-    found = right(scene)
-    R = found.T_cam_grasp[:, :3, :3]
-    assert len(found.score) > 1 and (np.diff(found.score) <= 0).all() and (found.score > 0).all()
+def test_candidates_are_frames_on_the_cloud_best_first(scene: GraspScene, found: GraspCandidates) -> None:
+    """Rotations, fingers orthogonal to the approach, places within a width of a visible point."""
+    hand = found.hands[1]
+    R = hand.T_cam_grasp[:, :3, :3]
+    assert len(hand.score) > 1 and (np.diff(hand.score) <= 0).all() and (hand.score > 0).all()
     assert np.allclose(R @ R.swapaxes(1, 2), np.eye(3)) and np.allclose(np.linalg.det(R), 1.0)
-    assert np.allclose(found.approach, -R[:, :, 1]) and np.allclose((found.approach * R[:, :, 2]).sum(1), 0.0)
+    assert np.allclose(hand.approach, -R[:, :, 1]) and np.allclose((hand.approach * R[:, :, 2]).sum(1), 0.0)
     seen = unproject(scene.depth_m, scene.K)[scene.region[1]]
-    off = np.linalg.norm(found.T_cam_grasp[:, None, :3, 3] - seen[None], axis=2).min(1)
-    assert (off <= found.width_m).all()
+    off = np.linalg.norm(hand.T_cam_grasp[:, None, :3, 3] - seen[None], axis=2).min(1)
+    assert (off <= hand.width_m).all()
 
 
-def test_fingertips_stay_off_negative_points() -> None:
-    """With the far end forbidden, no fingertip of a candidate is within 2 cm of it; without, some are: the rule has teeth."""
-    negative = rod(right=everything, negative=far_end)[0]
+@pytest.fixture(scope="module")
+def negative() -> GraspScene:
+    """A rod that any hand may hold, but not at its far end."""
+    return rod(right=everything, negative=far_end)[0]
+
+
+@pytest.fixture(scope="module")
+def avoiding(negative: GraspScene) -> HandCandidates:
+    return right(negative)
+
+
+def test_fingertips_avoid_negative_points(negative: GraspScene, avoiding: HandCandidates) -> None:
+    """No fingertip is within 2 cm of a negative far end; without it, some are, so the test can fail."""
     points = unproject(negative.depth_m, negative.K)[negative.negative]
 
-    def least(scene: GraspScene) -> float:
-        return float(np.linalg.norm(right(scene).tips[:, :, None] - points, axis=3).min())
+    def least(hand: HandCandidates) -> float:
+        return float(np.linalg.norm(hand.tips[:, :, None] - points, axis=3).min())
 
-    assert least(negative) > SAFE_M - 0.004  # cells of the cloud are 4 mm wide
-    assert least(replace(negative, negative=np.zeros_like(negative.negative))) < SAFE_M
+    assert least(avoiding) > SAFE_M - 0.004  # voxels are 4 mm wide
+    assert least(right(replace(negative, negative=np.zeros_like(negative.negative)))) < SAFE_M
 
 
-def test_points_count_like_a_mask() -> None:
-    """N_t in the camera's frame says the same as a mask of those points."""
-    masked = rod(right=everything, negative=far_end)[0]
-    points = unproject(masked.depth_m, masked.K)[masked.negative]
-    told = replace(masked, negative=np.zeros_like(masked.negative), N_t=points)
-    a, b = right(masked), right(told)
+def test_negative_points_equal_a_negative_mask(negative: GraspScene, avoiding: HandCandidates) -> None:
+    """N_t in the camera frame has the effect of a mask of those points."""
+    points = unproject(negative.depth_m, negative.K)[negative.negative]
+    a, b = avoiding, right(replace(negative, negative=np.zeros_like(negative.negative), N_t=points))
     assert np.linalg.norm(a.T_cam_grasp[0, :3, 3] - b.T_cam_grasp[0, :3, 3]) < 0.01
 
 
-def test_the_thumb_is_towards_what_is_negative() -> None:
-    """Three fingers reach farther along the thing than the thumb does, and away from the forbidden end."""
+def test_the_thumb_points_to_the_negative_end() -> None:
+    """Three fingers reach farther along the object than the thumb, so they point away from the negative end."""
     scene, T = rod(right=lambda place: (place[..., 0] < 0.0) & (place[..., 0] > -0.06), negative=lambda place: place[..., 0] > 0.0)
     assert in_world(T, right(scene))[0, 0, 0] > 0.9
 
 
-def test_a_mirrored_look_gives_mirrored_grasps() -> None:
-    """Left in the mirror is right: same scores, places mirrored, thumbs too."""
+def test_a_mirrored_scene_gives_mirrored_grasps() -> None:
+    """The left hand in the mirror equals the right hand: same scores, mirrored places and fingertips."""
     scene, _ = rod(right=near_end, yaw_rad=0.4)
     flipped = replace(scene, depth_m=scene.depth_m[:, ::-1].copy(), region=scene.region[::-1, :, ::-1].copy(),
                       hands=scene.hands[::-1].copy(), negative=scene.negative[:, ::-1].copy())  # fmt: skip
@@ -105,7 +123,7 @@ def test_a_mirrored_look_gives_mirrored_grasps() -> None:
     assert np.allclose(a.tips @ M, b.tips, atol=1e-6)
 
 
-def test_a_task_for_both_hands_gets_both_and_pairs_that_are_apart() -> None:
+def test_two_hands_are_paired_at_a_distance() -> None:
     scene, _ = rod(left=near_end, right=far_end)
     found = grasp_candidates.run(scene, PARAMS)
     left, other = found.hands
@@ -114,26 +132,25 @@ def test_a_task_for_both_hands_gets_both_and_pairs_that_are_apart() -> None:
     assert (np.linalg.norm(a - b, axis=1) > APART_M).all() and (np.diff(found.pair_score) <= 0).all()
 
 
-def test_a_hand_that_is_not_taken_gets_none() -> None:
-    found = grasp_candidates.run(rod(right=near_end)[0], PARAMS)
+def test_an_unused_hand_gets_no_candidates(found: GraspCandidates) -> None:
     assert not len(found.hands[0].score) and not len(found.pair)
 
 
-def test_a_thing_without_a_table_is_grasped_as_well() -> None:
+def test_an_object_without_a_table_is_grasped() -> None:
     scene, _ = rod(right=near_end, table=False)
     found = grasp_candidates.run(scene, PARAMS)
     assert not found.up.any() and found.hands[1].score[0] > 0.3
 
 
-def test_more_positive_is_better() -> None:
-    """Of the best, all that is between the fingers is positive; the score falls with any term."""
-    found = right(rod(right=near_end)[0])
-    assert found.terms[0, TERMS.index("positive")] > 0.9
-    assert ((found.terms >= 0) & (found.terms <= 1)).all()
+def test_the_best_candidate_is_positive(found: GraspCandidates) -> None:
+    """The material between the fingers is positive, and all terms are in 0..1."""
+    terms = found.hands[1].terms
+    assert terms[0, TERMS.index("positive")] > 0.9
+    assert ((terms >= 0) & (terms <= 1)).all()
 
 
 @pytest.mark.parametrize("case", ["no mask", "no depth", "no hand"])
-def test_what_cannot_be_grasped_is_one_sentence(case: str) -> None:
+def test_scenes_without_a_region_are_reported_in_one_sentence(case: str) -> None:
     scene, _ = rod(right=near_end)
     if case == "no mask":
         scene = replace(rod(right=nothing)[0], hands=np.array([False, True]))
@@ -146,8 +163,8 @@ def test_what_cannot_be_grasped_is_one_sentence(case: str) -> None:
     assert "\n" not in str(caught.value)
 
 
-def test_frames_of_a_grasp_turn_with_the_rod() -> None:
-    """Another yaw of the rod turns the best grasp with it."""
+def test_grasps_rotate_with_the_rod() -> None:
+    """Another yaw of the rod rotates the best grasp with it."""
     looks = (rod(right=everything), rod(right=everything, yaw_rad=0.5))
     yaw = [Rotation.from_matrix(in_world(T, right(scene))[0, :3, :3]) for scene, T in looks]
     turned = (yaw[1] * yaw[0].inv()).as_rotvec()

@@ -1,4 +1,4 @@
-"""The verb `grasp`: what is written, and that everything that does not fit is one sentence."""
+"""Command `grasp`: its files, options, and one-sentence errors."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tests.helpers.made_looks import rod
 
 
 def saved(folder: Path, scene: GraspScene) -> Path:
-    """A look as files: depth.png, depth.npy, masks/ as `predict` writes it, camera.json, negative.png."""
+    """Write a scene as files: depth.png, depth.npy, masks/ as `predict` writes it, camera.json, negative.png."""
     masks = folder / "masks"
     masks.mkdir(parents=True)
     assert cv2.imwrite(str(folder / "depth.png"), np.rint(1000 * scene.depth_m).astype(np.uint16))
@@ -40,7 +40,7 @@ def look(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return saved(tmp_path_factory.mktemp("look"), scene)
 
 
-def ask(look: Path, out: Path, *more: str | Path, depth: str = "depth.png", camera: bool = True, masks: bool = True) -> Called:
+def grasp(look: Path, out: Path, *more: str | Path, depth: str = "depth.png", camera: bool = True, masks: bool = True) -> Called:
     words: list[str | Path] = [look / depth, "--out", out]
     words += ["--intrinsics", look / "camera.json"] if camera else []
     words += ["--masks", look / "masks"] if masks else []
@@ -48,8 +48,8 @@ def ask(look: Path, out: Path, *more: str | Path, depth: str = "depth.png", came
 
 
 def test_a_prediction_and_its_depth_become_files(look: Path, tmp_path: Path) -> None:
-    """candidates.json of the hand that the prediction chose; an overlay of the depth's size; a PLY that programs read."""
-    done = ask(look, tmp_path / "out", "--negative", look / "negative.png", "--json")
+    """candidates.json of the predicted hand, an overlay of the depth's size, a valid PLY."""
+    done = grasp(look, tmp_path / "out", "--negative", look / "negative.png", "--json")
     assert done.code == 0, done.err
     record = json.loads((tmp_path / "out" / "candidates.json").read_text())
     best = record["hands"]["right"][0]
@@ -61,16 +61,16 @@ def test_a_prediction_and_its_depth_become_files(look: Path, tmp_path: Path) -> 
     picture = cv2.imread(str(tmp_path / "out" / "overlay.png"))
     assert picture is not None and picture.shape == (160, 240, 3)
     points = trimesh.load(tmp_path / "out" / "cloud.ply").vertices
-    grasp = np.array(best["T_cam_grasp"])[:3, 3]
-    assert np.linalg.norm(points - grasp, axis=1).min() < 0.002  # the axes are drawn where the grasp is
+    place = np.array(best["T_cam_grasp"])[:3, 3]
+    assert np.linalg.norm(points - place, axis=1).min() < 0.002  # the axes are drawn where the grasp is
 
 
-def test_metres_and_millimetres_say_the_same(look: Path) -> None:
+def test_metres_and_millimetres_give_the_same_depth(look: Path) -> None:
     a, b = (read(SceneFiles(look / name, look / "masks", intrinsics=look / "camera.json")) for name in ("depth.png", "depth.npy"))
     assert np.abs(a.depth_m - b.depth_m).max() <= 0.0005 + 1e-6 and np.array_equal(a.hands, [False, True])
 
 
-def test_a_focal_length_stands_for_a_centred_camera(look: Path) -> None:
+def test_a_focal_length_means_a_centred_camera(look: Path) -> None:
     K = read(SceneFiles(look / "depth.npy", look / "masks", intrinsics=look / "camera.json")).K
     assert np.allclose(read(SceneFiles(look / "depth.npy", look / "masks", focal_px=float(K[0, 0]))).K, K)
 
@@ -82,23 +82,23 @@ def test_the_taxonomy_and_the_option_choose_hands(look: Path) -> None:
     assert read(replace(files, masks=None, right=look / "masks" / "right.png")).hands.tolist() == [False, True]
 
 
-def test_a_folder_with_the_mask_of_one_hand_is_about_that_hand(look: Path, tmp_path: Path) -> None:
-    """With and without the prediction beside it; one that has none at all is refused with the name of the file."""
+def test_a_folder_with_one_mask_uses_one_hand(look: Path, tmp_path: Path) -> None:
+    """The prediction record is optional; a folder without masks is rejected with the name of the file."""
     masks = tmp_path / "masks"
     masks.mkdir()
     (masks / "right.png").write_bytes((look / "masks" / "right.png").read_bytes())
-    asked = ("grasp", look / "depth.npy", "--out", tmp_path / "out", "--masks", masks)
-    done = call(*asked, "--intrinsics", look / "camera.json", "--json")
+    words_of_call = ("grasp", look / "depth.npy", "--out", tmp_path / "out", "--masks", masks)
+    done = call(*words_of_call, "--intrinsics", look / "camera.json", "--json")
     assert done.code == 0 and done.json["grasps"]["right"] > 0 and not done.json["grasps"].get("left")
-    forced = call(*asked, "--hands", "both", "--focal-px", "200")
+    forced = call(*words_of_call, "--hands", "both", "--focal-px", "200")
     assert forced.code == 2 and "--left" in forced.words and "got no mask" in forced.words
     (masks / "right.png").unlink()
-    none = call(*asked, "--focal-px", "200")
+    none = call(*words_of_call, "--focal-px", "200")
     assert none.code == 2 and f"{masks / 'left.png'}: expected a mask (PNG)" in none.words
 
 
-def test_points_of_the_object_are_put_into_the_camera(look: Path, tmp_path: Path) -> None:
-    """negative.json and a pose give the points that an array in the camera's frame gives."""
+def test_points_of_the_object_are_transformed_to_the_camera(look: Path, tmp_path: Path) -> None:
+    """negative.json and a pose give the points of an array in the camera frame."""
     scene = read(SceneFiles(look / "depth.npy", look / "masks", intrinsics=look / "camera.json", negative=look / "negative.png"))
     points = unproject(scene.depth_m, scene.K)[scene.negative]
     T = np.eye(4)
@@ -111,10 +111,10 @@ def test_points_of_the_object_are_put_into_the_camera(look: Path, tmp_path: Path
     assert np.allclose(read(files).N_t, points) and np.allclose(read(of_object).N_t, points)
 
 
-def test_a_hand_without_a_grasp_is_said(look: Path, tmp_path: Path) -> None:
-    """A hand that spans 5 mm holds nothing: exit code 1, and the files are there."""
-    done = ask(look, tmp_path / "out", "--span-m", "0.005")
-    assert done.code == 1 and "right hand has no grasp" in done.words and (tmp_path / "out" / "candidates.json").is_file()
+def test_a_hand_without_a_grasp_is_reported(look: Path, tmp_path: Path) -> None:
+    """A hand that spans 5 mm holds nothing: exit code 1, and the files are written."""
+    done = grasp(look, tmp_path / "out", "--span-m", "0.005")
+    assert done.code == 1 and "no grasp of the right hand" in done.words and (tmp_path / "out" / "candidates.json").is_file()
 
 
 BAD: dict[str, tuple[list[str], str]] = {
@@ -123,7 +123,7 @@ BAD: dict[str, tuple[list[str], str]] = {
     "hands": (["--focal-px", "200", "--hands", "three"], "unknown --hands 'three'"),
     "taxonomy": (["--focal-px", "200", "--taxonomy", "both"], "did you mean"),
     "count": (["--focal-px", "200", "--count", "0"], "1 or more"),
-    "span": (["--focal-px", "200", "--span-m", "90"], "above 0 and 1 at most"),
+    "span": (["--focal-px", "200", "--span-m", "90"], "above 0 and at most 1"),
     "negative": (["--focal-px", "200", "--negative", "LOOK/camera.json"], "--object-pose FILE"),
     "negative size": (["--focal-px", "200", "--negative", "LOOK/small.png"], "expected a mask of the depth's size, 240 x 160"),
     "no such mask": (["--focal-px", "200", "--left", "LOOK/none.png"], "a mask (PNG)"),
@@ -134,24 +134,24 @@ BAD: dict[str, tuple[list[str], str]] = {
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_what_does_not_fit_is_one_sentence(case: str, look: Path, tmp_path: Path) -> None:
+def test_invalid_options(case: str, look: Path, tmp_path: Path) -> None:
     assert cv2.imwrite(str(look / "small.png"), np.zeros((10, 10), np.uint8))
-    words, said = BAD[case]
-    done = ask(look, tmp_path / "out", *(word.replace("LOOK", str(look)) for word in words), camera=False)
-    assert done.code == 2 and said in done.err and done.err.count("\n") == 1 and not (tmp_path / "out").exists()
+    words, message = BAD[case]
+    done = grasp(look, tmp_path / "out", *(word.replace("LOOK", str(look)) for word in words), camera=False)
+    assert done.code == 2 and message in done.err and done.err.count("\n") == 1 and not (tmp_path / "out").exists()
 
 
 EMPTY: list[tuple[list[str], str]] = [
-    (["--left", "none.png"], "none.png and right.png: expected a region for a hand, got none; "),
+    (["--left", "none.png"], "none.png and right.png: expected a region for a hand, got empty masks; "),
     (["--left", "none.png", "--hands", "left"], "none.png: expected a region with depth for the left hand, got an empty mask; "),
     (["--left", "away.png"], "away.png: expected a region with depth for the left hand, got 3 pixel(s), none with depth in "),
     (["--left", "there.png", "--hands", "both"], "right.png: expected a region with depth for the right hand, got an empty mask; "),
 ]
 
 
-@pytest.mark.parametrize(("words", "said"), EMPTY)
-def test_an_empty_region_is_named(words: list[str], said: str, tmp_path: Path) -> None:
-    """The file of the mask and the hand that it is for; where it lies on no depth, the file of the depth as well."""
+@pytest.mark.parametrize(("words", "message"), EMPTY)
+def test_empty_regions_are_reported(words: list[str], message: str, tmp_path: Path) -> None:
+    """The error names the mask and its hand; for a region without depth, also the depth file."""
     depth, away, there = np.full((30, 40), 0.5), np.zeros((30, 40), np.uint8), np.zeros((30, 40), np.uint8)
     depth[:5], away[2, 3:6], there[10:20, 10:20] = 0, 255, 255
     np.save(tmp_path / "depth.npy", depth)
@@ -160,23 +160,23 @@ def test_an_empty_region_is_named(words: list[str], said: str, tmp_path: Path) -
     placed = [str(tmp_path / word) if word.endswith(".png") else word for word in words]
     done = call("grasp", tmp_path / "depth.npy", "--out", tmp_path / "out", "--right", tmp_path / "right.png",
                 "--focal-px", "200", *placed)  # fmt: skip
-    said_here = done.err.replace(f"{tmp_path}/", "")
-    assert done.code == 2 and said_here.startswith(f"error: {said}") and done.err.count("\n") == 1
+    error = done.err.replace(f"{tmp_path}/", "")
+    assert done.code == 2 and error.startswith(f"error: {message}") and done.err.count("\n") == 1
 
 
-@pytest.mark.parametrize(("content", "said"), [
+@pytest.mark.parametrize(("content", "message"), [
     (np.zeros((4, 4), np.float32), "no pixel with depth"), (np.full((4, 4), 700.0), "a median of 700 m"),
     (np.zeros((4, 4, 3)), "float64 (4, 4, 3)"), (np.zeros((4, 4), int), "int64 (4, 4)"),
     (np.array([{}]), "allow_pickle")])  # fmt: skip
-def test_depths_that_are_none(content: np.ndarray, said: str, tmp_path: Path) -> None:
-    """Nothing measured, millimetres as metres, colours, whole numbers, and pickled objects, which are never loaded."""
+def test_invalid_depths(content: np.ndarray, message: str, tmp_path: Path) -> None:
+    """Zeros, millimetres as metres, colours, integers, and pickled objects, which are never loaded."""
     np.save(tmp_path / "depth.npy", content, allow_pickle=True)
     done = call("grasp", tmp_path / "depth.npy", "--out", tmp_path / "out", "--masks", tmp_path, "--focal-px", "200")
-    assert done.code == 2 and said in done.err and done.err.count("\n") == 1
+    assert done.code == 2 and message in done.err and done.err.count("\n") == 1
 
 
-def test_files_of_others_are_kept(look: Path, tmp_path: Path) -> None:
+def test_other_files_are_kept(look: Path, tmp_path: Path) -> None:
     (tmp_path / "mine.txt").write_text("mine")
-    assert ask(look, tmp_path).code == 2
-    assert ask(look, tmp_path, "--force").code == 0 and ask(look, tmp_path).code == 0
+    assert grasp(look, tmp_path).code == 2
+    assert grasp(look, tmp_path, "--force").code == 0 and grasp(look, tmp_path).code == 0
     assert (tmp_path / "mine.txt").read_text() == "mine"

@@ -1,4 +1,4 @@
-"""Grasps from masks of different kinds: masks are what they say, trials are the same for all, the report counts right."""
+"""Comparison of grasps from different masks: rendered views, masks, trials and report."""
 
 from __future__ import annotations
 
@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from afford.common.files import tree
-from afford.grasping.candidates.compare import masks
+from afford.grasping.candidates.compare import ViewCamera, masks, render_view
 from afford.grasping.candidates.comparison_report import differences, shares, table
-from afford.grasping.candidates.render_view import ViewCamera, render_view
 from schemas.files import FileTree
 from schemas.grasp import FIGURES, METHODS, GraspComparison, GraspObject
 from schemas.mesh import ObjectSpec, PartedMesh
@@ -31,7 +30,7 @@ QUICK = grasp_compare.Params(engines=("mujoco",), looks=1, places=16)
 
 @cache
 def subject() -> tuple[PartedMesh, GraspObject, PartDescriptions]:
-    """With two of its tasks: its handle is held, or its head."""
+    """Build a hammer with tasks that hold its handle or its head."""
     built = object_build.run(ObjectSpec("hammer", "hammer", 12, "plain", "train"),
                              object_build.Params(edge_m=0.012, max_faces=6000, atlas_px=64))  # fmt: skip
     body = object_solids.run(built.mesh, built.parts, object_solids.Params(points=64, hulls=12))
@@ -39,13 +38,14 @@ def subject() -> tuple[PartedMesh, GraspObject, PartDescriptions]:
     return built, body, part_describe.run(built.mesh, looked().views, tasks)
 
 
-def tried(told: PartDescriptions, model: FileTree, scratch: Path, params: grasp_compare.Params = QUICK) -> GraspComparison:
+def compared(descriptions: PartDescriptions, model: FileTree, scratch: Path,
+             params: grasp_compare.Params = QUICK) -> GraspComparison:  # fmt: skip
     built, body, _ = subject()
-    return grasp_compare.run(shadow(), built.mesh, built.parts, body, told, model, params, Scratch(scratch))
+    return grasp_compare.run(shadow(), built.mesh, built.parts, body, descriptions, model, params, Scratch(scratch))
 
 
-def test_a_look_shows_the_object_where_it_lies() -> None:
-    """Faces behind pixels are at the depth that the camera measured; noise is of the size that was asked for."""
+def test_a_rendered_view_shows_the_object_at_its_pose() -> None:
+    """Faces behind pixels are at the measured depth; noise has the requested standard deviation."""
     built, _, _ = subject()
     pose = np.array([0.02, -0.01, 0.0, 0.0, 0.0, np.sin(0.5), np.cos(0.5)])
     exact, noisy = (render_view(built.mesh, pose, ViewCamera(noise_m=noise, width_px=160, height_px=120), np.random.default_rng(0))
@@ -60,13 +60,13 @@ def test_a_look_shows_the_object_where_it_lies() -> None:
     assert (noisy.depth_m - exact.depth_m)[exact.depth_m > 0].std() == pytest.approx(0.003, rel=0.1)
 
 
-def test_masks_are_what_they_say() -> None:
-    """The affordance lies in the whole; negative parts are told by +N alone and are no part of the affordance."""
-    built, _, told = subject()
+def test_masks_of_every_method() -> None:
+    """The affordance is inside the whole; only +N has negative parts, which do not overlap the affordance."""
+    built, _, descriptions = subject()
     camera = ViewCamera(width_px=160, height_px=120)
     seen = render_view(built.mesh, np.array([0, 0, 0, 0, 0, 0, 1.0]), camera, np.random.default_rng(0))
-    said = np.zeros(seen.face.shape, bool)
-    found = {name: (region, bad) for name, region, bad in masks(built.parts, seen, told.descriptions[0], said)}
+    predicted = np.zeros(seen.face.shape, bool)
+    found = {name: (region, bad) for name, region, bad in masks(built.parts, seen, descriptions.descriptions[0], predicted)}
     assert tuple(found) == tuple(METHODS)
     good, bad = found["affordance+N"]
     assert good.any() and bad.any() and not (good & bad).any()
@@ -74,46 +74,52 @@ def test_masks_are_what_they_say() -> None:
     assert not found["whole"][1].any() and np.array_equal(found["whole+N"][1], bad) and not found["predicted"][0].any()
 
 
-def test_a_tool_is_compared(tmp_path: Path) -> None:
-    """Every task that differs in its parts, every kind of mask but the model's; success is to hold and to press on nothing
-    forbidden; the same again gives the same.
+@pytest.fixture(scope="module")
+def found(tmp_path_factory: pytest.TempPathFactory) -> GraspComparison:
+    return compared(subject()[2], NONE, tmp_path_factory.mktemp("compared"))
+
+
+def test_comparison_of_a_tool(found: GraspComparison) -> None:
+    """Trials cover all tasks with distinct parts and all masks except the model's.
+
+    Success means held without pressing on a negative part at the end.
     """
-    told = subject()[2]
-    found, again = (tried(told, NONE, tmp_path / name) for name in ("a", "b"))
     assert found.methods == tuple(name for name in METHODS if "predicted" not in name)
     assert found.values.shape == (4, 1, len(found.tasks), 1, len(FIGURES)) and len(found.tasks) == 2
     held, pressed = found.figure("held"), found.figure("negative_end")
     assert np.array_equal(found.figure("success"), held * (1 - pressed)) and (pressed <= found.figure("negative_any")).all()
-    assert found.figure("held")[1, 0, 0].all(), "the handle, told what to keep off, is held"
+    assert found.figure("held")[1, 0, 0].all(), "the handle, descriptions what to keep off, is held"
     assert "hit it" not in found.tasks  # its parts are those of driving a nail
     assert found.figure("iou")[0].min() == 1.0 and found.figure("iou")[2].max() < 1.0
-    assert found.values.tobytes() == again.values.tobytes()
 
 
-def test_a_model_gets_rows_of_its_own(tmp_path: Path) -> None:
-    told = subject()[2]
+def test_a_model_adds_rows(found: GraspComparison, tmp_path: Path) -> None:
+    """Rows of the other masks have the same bytes as without a model."""
+    descriptions = subject()[2]
     model = tree("tiny", write_model(tmp_path / "small"))
-    one = replace(told, descriptions=told.descriptions[:1])
-    assert tried(one, model, tmp_path / "scratch").methods == tuple(METHODS)
+    one = replace(descriptions, descriptions=descriptions.descriptions[:1])
+    with_model = compared(one, model, tmp_path / "scratch")
+    assert with_model.methods == tuple(METHODS)
+    assert with_model.values[: len(found.methods)].tobytes() == found.values[:, :, :1].tobytes()
 
 
-def test_an_object_without_a_place_for_a_hand_is_refused(tmp_path: Path) -> None:
-    told = subject()[2]
-    nothing = replace(told, descriptions=(replace(told.descriptions[0], notes=()),))
-    with pytest.raises(ValueError, match=r"expected a task with positive parts among .* got none"):
-        tried(nothing, NONE, tmp_path)
+def test_an_object_without_positive_parts_is_rejected(tmp_path: Path) -> None:
+    descriptions = subject()[2]
+    nothing = replace(descriptions, descriptions=(replace(descriptions.descriptions[0], notes=()),))
+    with pytest.raises(ValueError, match="no task has a positive part among"):
+        compared(nothing, NONE, tmp_path)
 
 
-def made_up(name: str, held: list[float]) -> GraspComparison:
-    """`affordance` holds as told, `whole` never."""
+def comparison(name: str, held: list[float]) -> GraspComparison:
+    """Build a comparison in which `affordance` holds as given and `whole` never."""
     values = np.zeros((2, 1, 1, len(held), len(FIGURES)))
     values[0, 0, 0, :, [list(FIGURES).index(figure) for figure in ("found", "held", "success")]] = held
     return GraspComparison(name, "tool", ("affordance", "whole"), ("mujoco",), ("use",), values)
 
 
-def test_the_report_counts(tmp_path: Path) -> None:
-    """3 of 4 are 0.75 within Wilson's interval; the difference is the mean over objects; objects are paired."""
-    found = (made_up("a", [1.0, 1.0]), made_up("b", [1.0, 0.0]))
+def test_report_of_a_comparison(tmp_path: Path) -> None:
+    """3 of 4 are 0.75 within Wilson's interval; the difference is the mean over paired objects."""
+    found = (comparison("a", [1.0, 1.0]), comparison("b", [1.0, 0.0]))
     row = next(row for row in shares(found) if (row.method, row.figure) == ("affordance", "held"))
     assert (row.value, row.trials, row.low, row.high) == pytest.approx((0.75, 4, 0.3006, 0.9544), abs=1e-3)
     (gain,) = differences(found, 0)
@@ -123,7 +129,7 @@ def test_the_report_counts(tmp_path: Path) -> None:
     assert "0.75 (0.30 to 0.95)" in table(found, 0)
 
 
-def test_comparisons_of_other_methods_are_refused(tmp_path: Path) -> None:
-    one = made_up("a", [1.0])
+def test_comparisons_of_different_methods_are_rejected(tmp_path: Path) -> None:
+    one = comparison("a", [1.0])
     with pytest.raises(ValueError, match="one set of methods and engines, got 2"):
         grasp_compare_report.run((one, replace(one, engines=("bullet",))), grasp_compare_report.Params(), Scratch(tmp_path))

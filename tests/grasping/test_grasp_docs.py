@@ -7,7 +7,7 @@ import re
 import pytest
 
 from afford.grasping.env import env
-from afford.grasping.env.observe import blocks, slices
+from afford.grasping.env.obs_blocks import block_slices, obs_blocks
 from afford.grasping.hand.kinematics import commanded_joints
 from benchmarks import bench_grasp_env as page
 from tests.helpers.made_hands import shadow
@@ -22,7 +22,7 @@ def test_the_contract_in_the_docstring_is_kept() -> None:
     for first, last, motors in rows:
         assert motors.split() == names[int(first) : int(last) + 1]
     found = {name: (int(a), int(b) + 1) for a, b, name in re.findall(r"(\d+)-(\d+) +([a-z_]+)\b(?! along|,)", text)}
-    assert found == {name: (at.start, at.stop) for name, at in slices(blocks("paper", "prior")).items()}
+    assert found == {name: (at.start, at.stop) for name, at in block_slices(obs_blocks("paper", "prior")).items()}
 
 
 @pytest.mark.parametrize(("name", "block"), [

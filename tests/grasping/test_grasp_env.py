@@ -14,14 +14,13 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from scipy.spatial.transform import Rotation
 
-from afford.grasping.env.core import LOST_M
 from afford.grasping.env.env import ID, AffordanceGrasp, AffordanceGraspVector
-from afford.grasping.env.metrics import MEANING
-from afford.grasping.env.observe import LAYOUTS
+from afford.grasping.env.grasp_worlds import LOST_M
+from afford.grasping.env.gym_env import Env, PPOEnvAdapter
+from afford.grasping.env.measures import METRICS
+from afford.grasping.env.obs_blocks import LAYOUTS
 from afford.grasping.env.reward import REWARDS
-from afford.grasping.env.single import Single
-from afford.grasping.env.task import task
-from afford.grasping.env.vector import Learning
+from afford.grasping.env.task import make_task
 from afford.grasping.imitation.imitate_env import HandImitation
 from tests.helpers.made_grasps import env, held_by_handle, reference, vector
 from tests.helpers.made_hands import shadow
@@ -80,7 +79,7 @@ def test_a_grasp_by_script_succeeds(engine: str, base: str) -> None:
     made.close()
     assert truncated and not terminated
     report = info["report"]
-    assert set(report) == set(MEANING)
+    assert set(report) == set(METRICS)
     assert report["success"] == report["held"] == 1.0
     assert report["negative_contact_end"] == 0.0
     assert 0 < report["penetration_p95_m"] < 0.006
@@ -143,7 +142,7 @@ def test_commands_can_come_late() -> None:
 
 def test_an_object_out_of_reach_ends_the_episode() -> None:
     """Terminated, not truncated; then a reset is due."""
-    made = env(task(block()))
+    made = env(make_task(block()))
     made.reset(seed=0)
     over = False
     for _ in range(30):
@@ -153,7 +152,7 @@ def test_an_object_out_of_reach_ends_the_episode() -> None:
             break
     assert over and not late
     assert made.core.measures().away_m[0] > LOST_M
-    with pytest.raises(RuntimeError, match="expected a reset"):
+    with pytest.raises(RuntimeError, match=r"call reset\(\) before"):
         made.step(np.zeros(24))
     made.close()
 
@@ -209,14 +208,14 @@ def test_gymnasium_makes_the_vector_too() -> None:
     """By name; and PPO is given what the step led to, not what the next episode began with."""
     made = gymnasium.make_vec(ID, 2, vectorization_mode="vector_entry_point", hand=shadow(), tasks=(held_by_handle(),), steps=3)
     assert isinstance(made.unwrapped, AffordanceGraspVector)
-    learning = Learning(made.unwrapped, seed=0)
+    learning = PPOEnvAdapter(made.unwrapped, seed=0)
     first = learning.reset()
     moves = [learning.step(ACTIONS[k]) for k in range(3)]
-    assert np.array_equal(moves[0].observation, moves[0].reached)
-    assert not np.array_equal(moves[2].observation, moves[2].reached)
+    assert np.array_equal(moves[0].obs, moves[0].final_obs)
+    assert not np.array_equal(moves[2].obs, moves[2].final_obs)
     assert moves[2].truncated.all()
-    assert "as_violation_pct" in moves[2].notes and "reward/hand" in moves[0].notes
-    assert first.shape == moves[2].reached.shape == (2, made.unwrapped.core.width)
+    assert "as_violation_pct" in moves[2].metrics and "reward/hand" in moves[0].metrics
+    assert first.shape == moves[2].final_obs.shape == (2, made.unwrapped.core.width)
     made.close()
 
 
@@ -241,7 +240,7 @@ def test_actions_that_are_not_finite_are_refused() -> None:
 
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("make", [env, imitation])
-def test_a_thousand_resets_do_not_leak(make: Callable[..., Single], engine: str) -> None:
+def test_a_thousand_resets_do_not_leak(make: Callable[..., Env], engine: str) -> None:
     """Less than 3 MB more are held than after the first hundred; a step after each tenth."""
     made = make(engine=engine)
     for k in range(1000):

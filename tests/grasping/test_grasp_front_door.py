@@ -16,9 +16,8 @@ from gymnasium.wrappers import RecordVideo, RenderCollection
 
 from afford.environments import ENVIRONMENTS, register
 from afford.grasping.env import default
-from afford.grasping.env.env import ID, AffordanceGrasp
-from afford.grasping.env.frame import HEIGHT, WIDTH, described
-from afford.grasping.env.task import of
+from afford.grasping.env.env import HEIGHT, ID, WIDTH, AffordanceGrasp, grasp_task
+from afford.grasping.env.task import from_grasp_task
 from schemas.video import Clip
 from stages.grasping import hand_model, object_solids
 from stages.synthetic import object_build
@@ -90,7 +89,7 @@ def test_what_cannot_be_drawn_is_refused() -> None:
     with pytest.raises(ValueError, match="expected rgb_array or None, got 'human'"):
         AffordanceGrasp(render_mode="human")
     made = drawn()
-    with pytest.raises(RuntimeError, match="expected a reset"):
+    with pytest.raises(RuntimeError, match=r"call reset\(\) before"):
         made.render()
     made.close()
 
@@ -114,7 +113,7 @@ def test_what_is_given_by_default_is_what_stages_make() -> None:
 def test_a_task_survives_its_description() -> None:
     """What frames are drawn of is the task itself."""
     task = default.tool()
-    again = of(described(task))
+    again = from_grasp_task(grasp_task(task))
     assert again.hold == task.hold and np.array_equal(again.negative, task.negative) and np.array_equal(again.N_t, task.N_t)
 
 

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from afford.grasping.hand.kinematics import forward_kinematics
 from afford.grasping.imitation.imitate_env import ID, HandImitation, HandImitationVector
-from afford.grasping.imitation.imitation import PATIENCE_S, REWARDS, Tracking, failed, rewards, tolerance_m
+from afford.grasping.imitation.tracking import PATIENCE_S, REWARDS, Tracking, imitation_rewards, tolerance_m, tracking_failed
 from tests.helpers.made_grasps import reference
 from tests.helpers.made_hands import shadow
 from tests.helpers.made_scenes import block
@@ -36,15 +36,16 @@ def env(frames: int = 90, **config: Any) -> HandImitation:
 
 def test_the_papers_reward_by_hand() -> None:
     """Five fingers 10 cm off at level 1, exact at level 2, 3 W: 0.8 (5 exp(-0.5) + 5) - 0.15."""
-    found = rewards("paper", tracking(level_1_m=[[0.1] * 5], power_w=[2.0], wrist_power_w=[1.0]))
+    found = imitation_rewards("paper", tracking(level_1_m=[[0.1] * 5], power_w=[2.0], wrist_power_w=[1.0]))
     assert sum(term[0] for term in found.values()) == pytest.approx(0.8 * (5 * np.exp(-0.5) + 5) - 0.15)
 
 
 def test_the_codes_reward_by_hand() -> None:
     """All that it can be is the sum of its weights; distances are not squared and are means over fingers."""
-    best = rewards("code", tracking())
+    best = imitation_rewards("code", tracking())
     assert {name: term[0] for name, term in best.items()} == pytest.approx(dict(REWARDS["code"]))
-    off = rewards("code", tracking(level_2_m=[[0.1, 0, 0, 0, 0]], wrist_rad=[1.0], linear_m_s=[[3.0, 0, 0]], wrist_power_w=[0.5]))
+    off = imitation_rewards("code", tracking(level_2_m=[[0.1, 0, 0, 0, 0]], wrist_rad=[1.0], linear_m_s=[[3.0, 0, 0]],
+                                             wrist_power_w=[0.5]))  # fmt: skip
     assert off["level_2"][0] == pytest.approx(0.8 * np.exp(-40 * 0.02))
     assert off["wrist_turn"][0] == pytest.approx(0.6 * np.exp(-1))
     assert off["wrist_linear"][0] == pytest.approx(0.1 * np.exp(-1))
@@ -56,8 +57,9 @@ def test_failing_takes_distance_and_time() -> None:
     assert tolerance_m(0) == pytest.approx(0.15 / 0.7)
     assert tolerance_m(10**6) == pytest.approx(0.15)
     off, late, early = tracking(level_1_m=[[0.16] * 5]), np.array([1.0]), np.array([PATIENCE_S])
-    assert failed(off, 0.15, late)[0] and not failed(off, 0.15, early)[0] and not failed(off, tolerance_m(0), late)[0]
-    assert failed(tracking(linear_m_s=[[0, 0, 101.0]]), 0.15, late)[0]
+    assert tracking_failed(off, 0.15, late)[0] and not tracking_failed(off, 0.15, early)[0]
+    assert not tracking_failed(off, tolerance_m(0), late)[0]
+    assert tracking_failed(tracking(linear_m_s=[[0, 0, 101.0]]), 0.15, late)[0]
 
 
 @pytest.mark.filterwarnings("ignore:.*WARN")

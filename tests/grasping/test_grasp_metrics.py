@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from afford.grasping.env.metrics import MEANING, Log, as_safe_count, as_violation_pct
+from afford.grasping.env.measures import METRICS, EpisodeLog, as_safe_count, as_violation_pct
 from tests.helpers.made_grasps import measured
 
 
@@ -25,14 +25,14 @@ def test_without_negative_points_all_is_safe() -> None:
 
 def test_success_stays_and_what_is_held_does_not() -> None:
     """At the goal once, then dropped: a success by the paper, not held; a press on a negative part is remembered."""
-    log, step = Log(1, 3), np.array([0])
-    log.note(measured(goal_m=[0.049], force_held=[[1] * 6], penetration_m=[0.004]), step)
-    log.note(measured(goal_m=[0.3], force_negative=[[0, 1, 0, 0, 0, 0]], N_true_m=[[0.02, 1, 1, 1, 1]],
+    log, step = EpisodeLog(1, 3), np.array([0])
+    log.record(measured(goal_m=[0.049], force_held=[[1] * 6], penetration_m=[0.004]), step)
+    log.record(measured(goal_m=[0.3], force_negative=[[0, 1, 0, 0, 0, 0]], N_true_m=[[0.02, 1, 1, 1, 1]],
                       penetration_m=[0.001]), step + 1)  # fmt: skip
     last = measured(goal_m=[0.2])
-    log.note(last, step + 2)
+    log.record(last, step + 2)
     found = {name: figure[0] for name, figure in log.report(last).items()}
-    assert set(found) == set(MEANING)
+    assert set(found) == set(METRICS)
     assert (found["success"], found["held"]) == (1.0, 0.0)
     assert (found["negative_contact_any"], found["negative_contact_end"]) == (1.0, 0.0)
     assert (found["as_any_step"], found["as_violation_pct"]) == (1.0, 0.0)
@@ -42,8 +42,8 @@ def test_success_stays_and_what_is_held_does_not() -> None:
 
 def test_an_episode_without_contact_has_no_depth() -> None:
     """Not a zero that would flatter; and a new episode knows nothing of the one before."""
-    log = Log(2, 1)
-    log.note(measured(goal_m=[0.0, 0.0], force_held=[[1] * 6, [0] * 6], force_negative=[[0] * 6] * 2, N_true_m=[[1] * 5] * 2,
+    log = EpisodeLog(2, 1)
+    log.record(measured(goal_m=[0.0, 0.0], force_held=[[1] * 6, [0] * 6], force_negative=[[0] * 6] * 2, N_true_m=[[1] * 5] * 2,
                       penetration_m=[0.001, 0.0]), np.zeros(2, int))  # fmt: skip
     log.clear(np.array([0]))
     assert log.success.tolist() == [False, True]

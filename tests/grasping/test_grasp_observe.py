@@ -8,15 +8,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from afford.grasping.env.moment import Now
-from afford.grasping.env.observe import LAYOUTS, STATES, blocks, observe, slices
-from afford.grasping.env.scenery import Episode, to_frame
+from afford.grasping.env.obs_blocks import LAYOUTS, ROLES, Snapshot, block_slices, obs_blocks, observe
+from afford.grasping.env.scenery import EpisodeFrame, to_frame
 from tests.helpers.made_grasps import env
 
 ACTIONS = np.random.default_rng(0).uniform(-0.5, 0.5, (6, 24)).astype(np.float32)
 
 
-def moment() -> Now:
+def moment() -> Snapshot:
     """In the middle of an episode."""
     made = env(base="script")
     made.reset(seed=3)
@@ -24,28 +23,28 @@ def moment() -> Now:
         made.step(action)
     core = made.core
     now, state = core._now, core.state()
-    out = Now(core.scenery, now.episode, state, core.measures(), now.action, now.offset, now.offset, np.array([0.2]))
+    out = Snapshot(core.scenery, now.episode, state, core.measures(), now.action, now.offset, now.offset, np.array([0.2]))
     made.close()
     return out
 
 
 def test_the_published_layout_has_300_numbers() -> None:
     """In the published order; the teacher has 300 more for N_t, the student no state of the object."""
-    chosen = blocks("paper", "prior")
-    at = slices(chosen)
+    chosen = obs_blocks("paper", "prior")
+    at = block_slices(chosen)
     names = ("q", "qd", "torque", "tips", "tip_force", "palm", "action", "object", "unused", "feature")
     assert [at[name].start for name in names] == [0, 22, 44, 66, 131, 161, 167, 191, 207, 236]
     assert sum(block.width for block in chosen) == 300
-    assert sum(block.width for block in blocks("paper", "teacher")) == 600
-    assert "object" not in slices(blocks("paper", "student"))
+    assert sum(block.width for block in obs_blocks("paper", "teacher")) == 600
+    assert "object" not in block_slices(obs_blocks("paper", "student"))
 
 
 @pytest.mark.parametrize("layout", sorted(LAYOUTS))
 def test_blocks_are_as_wide_as_they_say(layout: str) -> None:
     """Finite, in every role; a role sees what is its own."""
     now = moment()
-    for role, groups in STATES.items():
-        found = observe(blocks(layout, role), now)
+    for role, groups in ROLES.items():
+        found = observe(obs_blocks(layout, role), now)
         assert found.dtype == np.float32
         assert found.shape == (1, sum(block.width for group in groups for block in LAYOUTS[layout][group]))
         assert np.isfinite(found).all()
@@ -64,12 +63,12 @@ def test_turning_the_world_changes_nothing(layout: str) -> None:
     q[:, :3], q[:, 3] = turn.apply(q[:, :3]) + shift, q[:, 3] + 0.9
     qd[:, :3] = turn.apply(qd[:, :3])
     turned = replace(
-        now, episode=Episode(turn.apply(episode.origin) + shift, episode.yaw + 0.9, turn.apply(episode.goal) + shift),
+        now, episode=EpisodeFrame(turn.apply(episode.origin) + shift, episode.yaw + 0.9, turn.apply(episode.goal) + shift),
         state=replace(state, q=q, qd=qd, tips=turn.apply(state.tips[0])[None] + shift, palm=pose(state.palm), body=pose(state.body),
                       velocity=turn.apply(state.velocity), spin=turn.apply(state.spin)))  # fmt: skip
-    chosen = blocks(layout, "teacher")
+    chosen = obs_blocks(layout, "teacher")
     before, after = observe(chosen, now), observe(chosen, turned)
-    signs = slices(chosen)
+    signs = block_slices(chosen)
     for name, at in signs.items():
         one, other = before[0, at], after[0, at]
         if layout != "small" and name in ("tips", "object"):  # a quaternion and its negative are one rotation
@@ -82,7 +81,7 @@ def test_negative_points_are_seen_by_the_teacher_alone() -> None:
     now = moment()
     other = replace(now, scenery=replace(now.scenery, N_object=now.scenery.N_object + 0.02))
     for role, same in (("prior", True), ("teacher", False), ("student", False)):
-        chosen = blocks("small", role)
+        chosen = obs_blocks("small", role)
         assert np.array_equal(observe(chosen, now), observe(chosen, other)) == same
 
 
@@ -95,7 +94,7 @@ def test_fingertips_move_as_their_velocity_says() -> None:
     poses = [forward_kinematics(hand.joints, q) for q in (now.state.q, now.state.q + h * now.state.qd)]
     tips = [points_on_links(T, hand.fingers.tip_link, hand.fingers.tip_m) for T in poses]
     speed = to_frame((tips[1] - tips[0]) / h, now.palm_yaw)[0]
-    block = observe(blocks("paper", "prior"), now)[0, 66:131].reshape(5, 13)
+    block = observe(obs_blocks("paper", "prior"), now)[0, 66:131].reshape(5, 13)
     assert block[:, 7:10] == pytest.approx(speed, abs=1e-4)
     assert np.linalg.norm(block[:, 3:7], axis=1) == pytest.approx(1.0)
 
@@ -103,6 +102,6 @@ def test_fingertips_move_as_their_velocity_says() -> None:
 def test_unknown_layouts_are_refused() -> None:
     """And unknown roles."""
     with pytest.raises(ValueError, match="got 'big' and 'teacher'"):
-        blocks("big", "teacher")
+        obs_blocks("big", "teacher")
     with pytest.raises(ValueError, match="'pupil'"):
-        blocks("small", "pupil")
+        obs_blocks("small", "pupil")

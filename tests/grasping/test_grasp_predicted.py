@@ -9,10 +9,10 @@ from functools import cache
 import numpy as np
 import pytest
 
-from afford.grasping.env.config import Config
-from afford.grasping.env.core import Grasping
-from afford.grasping.env.evaluate import Round, Still, play
-from afford.grasping.env.task import Task, of
+from afford.grasping.env.config import GraspEnvConfig
+from afford.grasping.env.grasp_worlds import GraspWorlds
+from afford.grasping.env.rollout import BaseOnly, EpisodeBatch, rollout
+from afford.grasping.env.task import Task, from_grasp_task
 from afford.grasping.evaluate.comparisons import agreement
 from afford.grasping.evaluate.evaluate_policy import FIGURES
 from afford.surface.negative.project import distance_to_points
@@ -53,10 +53,10 @@ def nothing_said() -> NegativeAffordances:
     return replace(said(), tasks=tuple(replace(one, N_t=none, negative=np.zeros_like(one.negative)) for one in said().tasks))
 
 
-def played(one: Task) -> tuple[Round, np.ndarray]:
+def played(one: Task) -> tuple[EpisodeBatch, np.ndarray]:
     """An episode by script, on rewards of every kind, and what was observed at its end."""
-    core = Grasping(shadow(), [one], Config(base="script", reward="dense"))
-    found = play(core, Still(), [np.random.default_rng(0)])
+    core = GraspWorlds(shadow(), [one], GraspEnvConfig(base="script", reward="dense"))
+    found = rollout(core, BaseOnly(), [np.random.default_rng(0)])
     seen = core.observe()
     core.close()
     return found, seen
@@ -71,7 +71,7 @@ def test_mesh_and_body_share_a_frame() -> None:
 def test_a_right_prediction_says_what_is_true() -> None:
     one = told(said())
     assert one.told == one.negative == task().negative and min(agreement(one)) > 0.98
-    assert not np.array_equal(one.N_t, task().N_t) and np.array_equal(of(one).N_true, of(task()).N_true)
+    assert not np.array_equal(one.N_t, task().N_t) and np.array_equal(from_grasp_task(one).N_true, from_grasp_task(task()).N_true)
 
 
 def test_a_prediction_without_points_leaves_a_task_without_points() -> None:
@@ -79,7 +79,7 @@ def test_a_prediction_without_points_leaves_a_task_without_points() -> None:
     one = told(nothing_said())
     assert one.N_t.shape == (0, 3) and one.told == () and one.negative == task().negative
     assert agreement(one).recall == 0 and np.isnan(agreement(one).precision)
-    assert len(of(one).N_true) == 100 and not of(one).told.any()
+    assert len(from_grasp_task(one).N_true) == 100 and not from_grasp_task(one).told.any()
 
 
 def test_a_policy_is_judged_by_the_truth() -> None:
@@ -98,7 +98,7 @@ def test_a_policy_is_judged_by_the_truth() -> None:
 
 
 def test_where_it_is_told_the_truth_both_are_one() -> None:
-    core = Grasping(shadow(), [of(task()), held_by_handle()], Config(base="script"))
+    core = GraspWorlds(shadow(), [from_grasp_task(task()), held_by_handle()], GraspEnvConfig(base="script"))
     rngs = [np.random.default_rng(k) for k in range(2)]
     core.reset([0, 1], rngs)
     for action in np.random.default_rng(0).uniform(-1, 1, (30, 2, core.motors)):
@@ -117,7 +117,7 @@ def test_where_hands_belong_is_taken_by_its_use() -> None:
     one = PositiveAffordance(own.use, *(np.zeros(shape, np.float32) for shape in (faces, (2, faces), faces, 4)), at)  # type: ignore[arg-type]
     found = told(positives=PositiveAffordances(own.body.name, (replace(one, task="another", A_t=at + 1), one)))
     assert np.array_equal(found.A_t, at.astype(float)) and np.array_equal(found.N_t, own.N_t)
-    assert np.array_equal(of(found).A_t, found.A_t)
+    assert np.array_equal(from_grasp_task(found).A_t, found.A_t)
 
 
 def test_what_does_not_fit_is_refused() -> None:
@@ -125,7 +125,7 @@ def test_what_does_not_fit_is_refused() -> None:
     with pytest.raises(ValueError, match="expected a prediction for the use"):
         told(replace(said(), tasks=said().tasks[:0]))
     for body in (replace(task().body, size_m=1.15 * task().body.size_m), replace(task().body, name="other")):
-        with pytest.raises(ValueError, match="expected tasks of what was looked at"):
+        with pytest.raises(ValueError, match="expected tasks of the object that was predicted"):
             grasp_tasks_predicted.run((replace(task(), body=body),), looked().mesh, PARAMS, said())
 
 

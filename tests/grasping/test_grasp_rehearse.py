@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from afford.grasping.env.core import Grasping
-from afford.grasping.env.observe import blocks
+from afford.grasping.env.grasp_worlds import GraspWorlds
+from afford.grasping.env.obs_blocks import obs_blocks
 from afford.grasping.env.scenery import to_frame
-from afford.grasping.env.task import task
+from afford.grasping.env.task import make_task
 from afford.grasping.hand.kinematics import commanded_columns
-from afford.grasping.imitation.proof import held
+from afford.grasping.imitation.clip_filter import held_counts
 from afford.grasping.sim.scripted import Aim
 from schemas.hand import PHASES
 from stages.grasping import grasp_targets
@@ -66,9 +66,9 @@ def test_what_is_seen_is_what_the_prior_is_shown() -> None:
     made.reset(range(2), rngs)
     for _ in range(12):
         made.step(made.expert(), rngs)
-    other = Grasping(shadow(), [task(tool(name)) for name in TOOLS], made.grasping.config)
+    other = GraspWorlds(shadow(), [make_task(tool(name)) for name in TOOLS], made.grasping.config)
     other.restore(made.grasping.save())
-    assert made.observe().shape == (2, sum(block.width for block in blocks("small", "prior")))
+    assert made.observe().shape == (2, sum(block.width for block in obs_blocks("small", "prior")))
     assert np.array_equal(made.observe(), other.observe())
     action = np.full((2, 24), 0.3)
     assert np.array_equal(made.step(action, rngs).success, other.step(action, rngs).success)
@@ -95,7 +95,7 @@ def test_the_expert_lifts_and_tracks() -> None:
     assert np.mean(good) >= 0.5
     assert np.mean(level_1) < 0.02
     clips = reference_set().references
-    found = held(shadow(), [task(tool(name)) for name in TOOLS], clips, made.config, 1, 4, 0)
+    found = held_counts(shadow(), [make_task(tool(name)) for name in TOOLS], clips, made.config, 1, 4, 0)
     assert found.shape == (len(clips),) and found.sum() >= len(clips) / 2
 
 
@@ -156,7 +156,7 @@ def test_save_and_restore_and_same_seed_same_trajectory() -> None:
 def test_what_cannot_be_rehearsed_is_refused() -> None:
     """An object without a clip; a base that needs a posture."""
     with pytest.raises(ValueError, match="a clip that grasps hammer"):
-        type(rehearsing())(shadow(), [task(tool("hammer"))], reference_set().references, rehearsing().config)
+        type(rehearsing())(shadow(), [make_task(tool("hammer"))], reference_set().references, rehearsing().config)
     with pytest.raises(ValueError, match="posture"):
         replace(rehearsing().grasping.config, posture=())
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from afford.grasping.env.reward import REWARDS, TERMS, negative_times, rewards, weights
+from afford.grasping.env.reward import REWARDS, TERMS, reward_weights, rewards, scaled_negative_weights
 from tests.helpers.made_grasps import measured
 
 
 def total(name: str, **given: object) -> float:
-    return float(sum(term[0] for term in rewards(weights(name), measured(**given)).values()))
+    return float(sum(term[0] for term in rewards(reward_weights(name), measured(**given)).values()))
 
 
 def test_the_papers_reward_by_hand() -> None:
@@ -52,23 +52,23 @@ def test_dense_pays_only_what_is_gripped() -> None:
 def test_what_is_positive_draws_where_it_is_asked_for() -> None:
     """A weight of -2: the mean distance of the fingertips to where hands belong costs twice that; by default it costs nothing."""
     given = measured(positive_m=[[0.1, 0.1, 0.0, 0.0, 0.0]])
-    assert rewards(weights("dense"), given)["positive"] == 0
-    assert rewards(weights("dense", {"positive": -2.0}), given)["positive"] == pytest.approx(-0.08)
+    assert rewards(reward_weights("dense"), given)["positive"] == 0
+    assert rewards(reward_weights("dense", {"positive": -2.0}), given)["positive"] == pytest.approx(-0.08)
 
 
 def test_without_negative_terms_all_else_is_equal() -> None:
     """Whatever is negative costs nothing, and nothing else changes."""
-    off = weights("dense", negative_times("dense", 0.0))
+    off = reward_weights("dense", scaled_negative_weights("dense", 0.0))
     given = measured(goal_m=[0.01], N_m=[[0.0] * 5], force_told=[[1.0] * 6], allowed_m=[[2.0] * 5])
-    full, without = rewards(weights("dense"), given), rewards(off, given)
+    full, without = rewards(reward_weights("dense"), given), rewards(off, given)
     assert {name for name in full if full[name] != without[name]} == {name for name in full if name.startswith("negative")}
     assert not any(without[name] for name in without if name.startswith("negative"))
-    assert weights("afforddex", negative_times("afforddex", 0.5))["negative_tips"] == -5.0
+    assert reward_weights("afforddex", scaled_negative_weights("afforddex", 0.5))["negative_tips"] == -5.0
 
 
 def test_rewards_of_others_are_given_our_negative_terms() -> None:
     """NAA plugs into UniDexGrasp++ by configuration alone; without it, that set is what it was."""
-    plugged, off = (weights("unidexgrasp++", negative_times("unidexgrasp++", scale)) for scale in (1.0, 0.0))
+    plugged, off = (reward_weights("unidexgrasp++", scaled_negative_weights("unidexgrasp++", scale)) for scale in (1.0, 0.0))
     mine = {name: weight for name, weight in REWARDS["dense"].items() if name.startswith("negative")}
     assert plugged == {**REWARDS["unidexgrasp++"], **mine} and not any(off[name] for name in mine)
 
@@ -83,8 +83,8 @@ def test_one_finger_is_no_grip() -> None:
 def test_sets_are_made_of_known_terms_and_can_be_changed() -> None:
     """Another weight for one term leaves the others; unknown names are refused."""
     assert {name for table in REWARDS.values() for name in table} == set(TERMS)
-    assert weights("afforddex", {"negative_tips": -5.0}) == {**REWARDS["afforddex"], "negative_tips": -5.0}
+    assert reward_weights("afforddex", {"negative_tips": -5.0}) == {**REWARDS["afforddex"], "negative_tips": -5.0}
     with pytest.raises(ValueError, match="got 'best'"):
-        weights("best")
+        reward_weights("best")
     with pytest.raises(ValueError, match="got luck"):
-        weights("dense", {"luck": 1.0})
+        reward_weights("dense", {"luck": 1.0})

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from afford.grasping.env.core import Grasping
-from afford.grasping.env.evaluate import play
-from afford.grasping.env.task import of
-from afford.grasping.policies import acting, teach
+from afford.grasping.env.grasp_worlds import GraspWorlds
+from afford.grasping.env.rollout import rollout
+from afford.grasping.env.task import from_grasp_task
+from afford.grasping.policies import load_policy, train_student
 from afford.grasping.sim.scene import Physics
 from schemas.files import FileTree
 from schemas.grasp import GraspTask
@@ -50,11 +50,11 @@ def trained(expert: FileTree, tmp_path_factory: pytest.TempPathFactory) -> Train
 
 def test_a_student_is_files_that_act(trained: Trained) -> None:
     """In the environment of its teacher, in either engine."""
-    policy = acting.load(trained.files, {})
+    policy = load_policy.load_policy(trained.files, {})
     config = policy.config("bullet", Physics(), "flat", 0.0)
     assert (config.start, config.base, policy.student is not None) == ("anywhere", "script", True)
-    grasping = Grasping(shadow(), [of(one) for one in tasks()], config)
-    rounds = [play(grasping, policy.actor(grasping), rngs(grasping, seed)) for seed in (0, 0, 1)]
+    grasping = GraspWorlds(shadow(), [from_grasp_task(one) for one in tasks()], config)
+    rounds = [rollout(grasping, policy.actor(grasping), rngs(grasping, seed)) for seed in (0, 0, 1)]
     grasping.close()
     assert np.isfinite(rounds[0].action).all() and rounds[0].action.any()
     assert np.array_equal(rounds[0].q, rounds[1].q) and not np.array_equal(rounds[0].q, rounds[2].q)
@@ -71,7 +71,7 @@ def test_curves_are_kept(trained: Trained) -> None:
 def test_killed_it_goes_on_to_the_same_bytes(trained: Trained, expert: FileTree, tmp_path: Path,
                                              monkeypatch: pytest.MonkeyPatch) -> None:  # fmt: skip
     """From the last checkpoint; moments of older ones are gone."""
-    monkeypatch.setattr(teach, "SECTION", 1)
+    monkeypatch.setattr(train_student, "SECTION", 1)
     with pytest.raises(KeyboardInterrupt):
         grasp_student.run(shadow(), (tasks(),), expert, TINY, Killed(tmp_path))
     assert [path.name for path in tmp_path.glob("moments-*")] == ["moments-2.safetensors"]
@@ -90,4 +90,4 @@ def test_files_that_fit_no_student_are_refused(trained: Trained) -> None:
     config = trained.files.find("student.json")
     assert config is not None
     with pytest.raises(ValueError, match=r"student: expected student\.safetensors of a trained student, got student\.json"):
-        acting.load(FileTree("student", (config,)), {})
+        load_policy.load_policy(FileTree("student", (config,)), {})

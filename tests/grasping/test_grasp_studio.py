@@ -8,7 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from afford.grasping.env.studio import GROUND, HAND, NEGATIVE, RING, THING, Studio, colour_of, matrix, pieces, view
+from afford.grasping.env.rendering import (
+    GROUND,
+    HAND,
+    NEGATIVE,
+    RING,
+    THING,
+    GraspRenderer,
+    camera_of,
+    colour_of,
+    hull_pieces,
+    pose_matrix,
+)
 from afford.grasping.evaluate.trace_metrics import PHASES, key_frames, trace_metrics
 from afford.grasping.hand.kinematics import forward_kinematics
 from afford.grasping.hand.link_meshes import link_meshes
@@ -17,8 +28,8 @@ from tests.helpers.made_traces import grasped, hammer
 
 
 @pytest.fixture(scope="module")
-def studio() -> Studio:
-    return Studio(shadow(), hammer(), 160, 120)
+def studio() -> GraspRenderer:
+    return GraspRenderer(shadow(), hammer(), 160, 120)
 
 
 def test_a_skin_for_each_link_that_has_a_shape() -> None:
@@ -39,7 +50,7 @@ def test_a_hand_without_visuals_shows_what_it_collides_with(tmp_path: Path) -> N
 
 def test_pieces_look_outwards() -> None:
     """Faces of hulls are counter-clockwise seen from outside; every part has one."""
-    found = pieces(hammer().body)
+    found = hull_pieces(hammer().body)
     assert {piece.part for piece in found} == set(range(len(hammer().body.parts)))
     for piece in found:
         a, b, c = piece.vertices[piece.faces].swapaxes(0, 1)
@@ -47,18 +58,18 @@ def test_pieces_look_outwards() -> None:
         assert (outwards.sum(axis=1) > 0).all()
 
 
-def test_the_end_shows_the_object_higher(studio: Studio) -> None:
+def test_the_end_shows_the_object_higher(studio: GraspRenderer) -> None:
     """And at the depth of its points: what the picture says of the object is on it, to the millimetre."""
     trace, _ = grasped()
-    first, last = studio.shoot(trace, 0), studio.shoot(trace, len(trace.q) - 1)
+    first, last = studio.render(trace, 0), studio.render(trace, len(trace.q) - 1)
     assert first.rgb.shape == (120, 160, 3) and set(np.unique(first.ids)) == {HAND, THING, GROUND, RING}
     rows = [np.flatnonzero((one.ids == THING).any(axis=1)).mean() for one in (first, last)]
     assert rows[1] < rows[0] - 15
-    camera = view(trace, shadow(), 160, 120)
+    camera = camera_of(trace, shadow(), 160, 120)
     y, x = np.nonzero(first.ids == THING)
     rays = np.linalg.inv(camera.K) @ np.stack([x, y, np.ones(len(x))])
     spots = (camera.T_world_cam[:3, :3] @ (rays * first.depth_m[y, x]) + camera.T_world_cam[:3, 3:]).T
-    body = np.linalg.inv(matrix(trace.body[0]))
+    body = np.linalg.inv(pose_matrix(trace.body[0]))
     inside = spots @ body[:3, :3].T + body[:3, 3]
     low, high = hammer().body.corners.min(axis=0), hammer().body.corners.max(axis=0)
     assert (inside > low - 0.001).all() and (inside < high + 0.001).all()
@@ -73,21 +84,21 @@ def test_links_stand_where_the_engine_has_them() -> None:
     assert np.abs(tips + T[:, hand.fingers.tip_link][..., :3, 3] - trace.tips).max() < 1e-6
 
 
-def test_what_must_not_be_touched_is_red(studio: Studio) -> None:
+def test_what_must_not_be_touched_is_red(studio: GraspRenderer) -> None:
     """The head of the hammer, and nothing else."""
     one = hammer()
     assert {name for k, name in enumerate(one.body.parts) if colour_of(one, k) == NEGATIVE} == set(one.negative)
-    shot = studio.shoot(grasped()[0], 0)
+    shot = studio.render(grasped()[0], 0)
     r, g, b = shot.rgb.astype(int).reshape(-1, 3).T
     red = ((r > 1.8 * g) & (r > 1.8 * b)).reshape(120, 160)
     assert red.sum() > 40 and (shot.ids[red] == THING).mean() > 0.9
 
 
-def test_the_same_trace_gives_the_same_picture(studio: Studio) -> None:
+def test_the_same_trace_gives_the_same_picture(studio: GraspRenderer) -> None:
     """To the byte, in another studio as well."""
     trace, _ = grasped()
-    again = Studio(shadow(), hammer(), 160, 120).shoot(trace, 7)
-    assert again.rgb.tobytes() == studio.shoot(trace, 7).rgb.tobytes()
+    again = GraspRenderer(shadow(), hammer(), 160, 120).render(trace, 7)
+    assert again.rgb.tobytes() == studio.render(trace, 7).rgb.tobytes()
 
 
 def test_rows_are_judged_as_metrics_judge() -> None:
@@ -115,8 +126,8 @@ def test_a_hand_that_never_lifts_has_moments_too() -> None:
     """Spread evenly from the touch on."""
     trace, _ = grasped()
     still = replace(trace, body=np.repeat(trace.body[:1], len(trace.q), axis=0))
-    frames = list(key_frames(still, hammer()))
-    assert frames == sorted(frames) and frames[-1] == len(trace.q) - 1
+    found = list(key_frames(still, hammer()))
+    assert found == sorted(found) and found[-1] == len(trace.q) - 1
 
 
 def test_the_task_of_another_trace_is_refused() -> None:

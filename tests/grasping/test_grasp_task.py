@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from afford.grasping.env.config import Config
-from afford.grasping.env.core import Grasping
-from afford.grasping.env.scenery import scenery
-from afford.grasping.env.task import NEGATIVE_POINTS, placed, spread_points, task
+from afford.grasping.env.config import GraspEnvConfig
+from afford.grasping.env.grasp_worlds import GraspWorlds
+from afford.grasping.env.scenery import build_scenery
+from afford.grasping.env.task import NEGATIVE_POINTS, make_task, placed_pose, spread_points
 from afford.grasping.sim.engine import make_world
 from afford.grasping.sim.rest_poses import dropped_rest_poses, placed_rest_pose
 from afford.grasping.sim.scene import centre
@@ -22,18 +22,18 @@ from tests.helpers.made_scenes import block, scene, tool
 def test_negative_points_are_of_the_negative_parts() -> None:
     """100 of them; what is held is the largest of the rest; given points are taken instead."""
     body = tool("spatula", 12)
-    one = task(body, ("shaft", "head"))
+    one = make_task(body, ("shaft", "head"))
     assert one.hold == body.parts.index("handle")
     assert one.N_t.shape == (NEGATIVE_POINTS, 3)
     own = body.points[np.isin(body.point_part, [body.parts.index("shaft"), body.parts.index("head")])]
     assert {tuple(p) for p in one.N_t.astype(np.float32)} <= {tuple(p) for p in own}
     given = np.random.default_rng(0).normal(size=(300, 3))
-    assert {tuple(p) for p in task(body, ("head",), N_t=given).N_t} <= {tuple(p) for p in given}
+    assert {tuple(p) for p in make_task(body, ("head",), N_t=given).N_t} <= {tuple(p) for p in given}
 
 
 def test_nothing_may_be_negative() -> None:
     """Then there are no points; and few points are repeated, not invented."""
-    assert task(block()).N_t.shape == (0, 3)
+    assert make_task(block()).N_t.shape == (0, 3)
     few = np.eye(3)
     assert {tuple(p) for p in spread_points(few, 10)} == {tuple(p) for p in few}
 
@@ -41,20 +41,20 @@ def test_nothing_may_be_negative() -> None:
 def test_what_cannot_be_is_refused() -> None:
     """A part that is not there, nothing left to hold, points that are no points."""
     with pytest.raises(ValueError, match="got wing"):
-        task(block(), ("wing",))
+        make_task(block(), ("wing",))
     with pytest.raises(ValueError, match="may be held"):
-        task(block(), ("foot", "top"))
+        make_task(block(), ("foot", "top"))
     with pytest.raises(ValueError, match="may be held"):
-        task(block(), ("top",), hold="top")
+        make_task(block(), ("top",), hold="top")
     with pytest.raises(ValueError, match="finite"):
-        task(block(), N_t=np.full((3, 3), np.nan))
+        make_task(block(), N_t=np.full((3, 3), np.nan))
 
 
 def test_placing_keeps_height_and_turns_about_the_vertical() -> None:
     """The centre of mass is over the place, whatever the yaw."""
     body = tool("spatula", 12)
     lying = np.array([0.3, 0.2, 0.01, *Rotation.from_euler("xyz", [0.2, -0.1, 0.5]).as_quat()])
-    pose = placed(body, lying, np.array([0.02, -0.03]), 1.1)
+    pose = placed_pose(body, lying, np.array([0.02, -0.03]), 1.1)
     assert centre(body, pose)[:2] == pytest.approx([0.02, -0.03])
     assert centre(body, pose)[2] == pytest.approx(centre(body, lying)[2])
     turn = Rotation.from_quat(pose[3:]) * Rotation.from_quat(lying[3:]).inv()
@@ -84,8 +84,8 @@ def test_objects_lie_still_where_they_were_found_to_rest(engine: str) -> None:
 def test_what_is_allowed_is_farther_than_two_centimetres() -> None:
     """Of the surface, from all negative points; everything where nothing is negative, and where nothing is left."""
     body = tool("spatula", 12)
-    some, none = task(body, ("head",)), task(body)
-    made = scenery(shadow(), (some, none, replace(some, N_t=body.points.astype(np.float64))))
+    some, none = make_task(body, ("head",)), make_task(body)
+    made = build_scenery(shadow(), (some, none, replace(some, N_t=body.points.astype(np.float64))))
     apart = np.linalg.norm(made.surface[0][:, None] - some.N_t[None], axis=2).min(axis=1)
     assert (made.allowed[0] == (apart > 0.02)).all() and 0 < made.allowed[0].sum() < len(apart)
     assert made.allowed[1].all() and made.allowed[2].all()
@@ -93,9 +93,9 @@ def test_what_is_allowed_is_farther_than_two_centimetres() -> None:
 
 def test_positive_points_are_measured_from_the_fingertips() -> None:
     """Where some are known, the distance to the nearest; elsewhere nothing."""
-    one = task(block())
+    one = make_task(block())
     known = replace(one, A_t=np.array([[0.0, 0.0, 0.1], [0.0, 0.0, 0.0]]))
-    grasping = Grasping(shadow(), (one, known), Config(base="script"))
+    grasping = GraspWorlds(shadow(), (one, known), GraspEnvConfig(base="script"))
     grasping.reset([0, 1], [np.random.default_rng(0), np.random.default_rng(0)])
     tips, pose = grasping.state().tips[1], grasping.state().body[1]
     spots = Rotation.from_quat(pose[3:]).apply(known.A_t) + pose[:3]

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from afford.grasping.env.task import of
-from afford.grasping.env.uses import aside, holdable, scaled, weighted
+from afford.grasping.env.task import from_grasp_task
+from afford.grasping.env.task_rules import holdable, negative_distance, scaled, with_ballast
 from schemas.grasp import LEVELS, GraspTask
 from schemas.mesh import ObjectSpec
 from stages.grasping import grasp_tasks
@@ -32,7 +32,7 @@ def test_a_use_forbids_parts_and_holds_another() -> None:
 def test_one_thing_has_uses_that_forbid_different_parts() -> None:
     dig, hand_over = made("shovel")
     assert "handle" not in dig.negative and "handle" in hand_over.negative and hand_over.hold == "shaft"
-    assert of(dig).hold == of(hand_over).hold and not np.array_equal(dig.N_t, hand_over.N_t)
+    assert from_grasp_task(dig).hold == from_grasp_task(hand_over).hold and not np.array_equal(dig.N_t, hand_over.N_t)
     assert len({one.name for one in made("shovel")}) == 2
 
 
@@ -72,7 +72,7 @@ def test_what_cannot_be_is_refused() -> None:
 def test_what_is_forbidden_far_away_asks_nothing() -> None:
     """The face of a hammer is far from where one would hold it."""
     first, body = made("hammer")[0], tool("hammer", 1)
-    away = aside(body, first.N_t)
+    away = negative_distance(body, first.N_t)
     assert 0.03 < away < body.size_m.max()
     assert first.name not in [one.name for one in made("hammer", within_m=away - 0.001)]
     assert first.name in [one.name for one in made("hammer", within_m=away + 0.001)]
@@ -80,15 +80,15 @@ def test_what_is_forbidden_far_away_asks_nothing() -> None:
 
 def test_a_heavy_head_draws_the_centre_of_mass_and_weighs_what_it_should() -> None:
     body = tool("knife", 1)
-    heavy = weighted(body, ("blade",), 6.0)
+    heavy = with_ballast(body, ("blade",), 6.0)
     blade = np.concatenate([h for h, part in zip(body.hulls(), body.hull_part, strict=True) if body.parts[part] == "blade"])
     towards = blade.mean(axis=0) - body.com_m
     moved = heavy.com_m - body.com_m
     assert moved @ towards > 0.9 * np.linalg.norm(moved) * np.linalg.norm(towards) and heavy.mass_kg > body.mass_kg
-    both = weighted(body, body.parts, 3.0)
+    both = with_ballast(body, body.parts, 3.0)
     assert both.mass_kg == pytest.approx(3 * body.mass_kg) and both.com_m == pytest.approx(body.com_m, abs=0.003)
     assert both.inertia_kgm2 == pytest.approx(3 * body.inertia_kgm2, rel=0.2, abs=1e-6)
-    assert weighted(body, ("blade",), 1.0) is body
+    assert with_ballast(body, ("blade",), 1.0) is body
     with pytest.raises(ValueError, match=r"grasp_tasks.ballast: expected numbers above 0, got \(0.0,\)"):
         made("knife", ballast=(0.0,))
 

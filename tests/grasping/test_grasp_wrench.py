@@ -9,14 +9,23 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from scipy.spatial.transform import Rotation
 
-from afford.grasping.env import wrench
-from afford.grasping.env.config import Config
-from afford.grasping.env.core import Grasping
-from afford.grasping.env.evaluate import play
+from afford.grasping.env.actions import (
+    FORCE_N,
+    WRENCH_CONTROL_S,
+    WRENCH_STEPS,
+    action_for,
+    hinges,
+    script_steps,
+    scripted,
+    wrench_command,
+    wrench_table,
+)
+from afford.grasping.env.config import GraspEnvConfig
+from afford.grasping.env.grasp_worlds import GraspWorlds
+from afford.grasping.env.rollout import rollout
 from afford.grasping.env.scenery import to_frame
-from afford.grasping.env.wrench_script import Script
-from afford.grasping.hand.kinematics import command_limits
-from afford.grasping.sim.engine import State, World, make_world
+from afford.grasping.hand.kinematics import command_limits, commanded_columns
+from afford.grasping.sim.engine import CONTROL_S, State, World, make_world
 from afford.grasping.sim.scene import STRICT, Physics, Scene, hold_command
 from tests.helpers.made_grasps import env, held_by_handle
 from tests.helpers.made_hands import shadow
@@ -26,6 +35,41 @@ ENGINES = ("bullet", "mujoco")
 LIMITS = command_limits(shadow().joints)
 PALM_M = (0.0907065702865, -0.0322338893096, 0.2487902976383, 0.1425599214398, -0.7731875409529, -0.6155167648123, 0.0547431050383)
 """of a hand in rates, before there were wrenches"""
+
+
+PULL_N_M, HOLD_N_S_M = 1600.0, 80.0
+"""spring of the slides, and what drag takes (scene.py) is given back"""
+PULL_NM_RAD, HOLD_NM_S_RAD = 6.0, 0.3
+"""of the hinges"""
+
+
+class SpringScript:
+    """Scripted grasp by wrenches: springs pull the wrist along the path of the script."""
+
+    def __init__(self) -> None:
+        self._path: np.ndarray | None = None
+
+    def act(self, now: GraspWorlds) -> np.ndarray:
+        """(n, m)."""
+        q = now.state().q[:, commanded_columns(now.scenes[0].hand.joints)]
+        if self._path is None or not now.steps_done().any():
+            lift_m = now.config.lift_m
+            path = [scripted(scene, aim, script_steps(lift_m), lift_m) for scene, aim in zip(now.scenes, now.aims, strict=True)]
+            self._path = np.concatenate([q[:, None], np.stack(path)], axis=1)
+        wanted, speed = _at(self._path, (now.steps_done() + 1) * now.config.control_s)
+        error = wanted[:, :6] - q[:, :6]
+        pull, drag = np.repeat([PULL_N_M, PULL_NM_RAD], 3), np.repeat([HOLD_N_S_M, HOLD_NM_S_RAD], 3)
+        efforts = pull * error + drag * speed[:, :6]
+        return action_for(efforts, wanted[:, 6:], q[:, :6], now.episode.yaw, command_limits(now.scenes[0].hand.joints))
+
+
+def _at(path: np.ndarray, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(n, m) where paths (n, t, m) of the script's own steps are at times (n,), and how fast they go."""
+    at = np.minimum(time_s / CONTROL_S, path.shape[1] - 1)
+    low, rows = np.minimum(at.astype(int), path.shape[1] - 2), np.arange(len(path))
+    before, after = path[rows, low], path[rows, low + 1]
+    moving = (at < path.shape[1] - 1)[:, None]
+    return before + (at - low)[:, None] * (after - before), moving * (after - before) / CONTROL_S
 
 
 def wrenched(engine: str, **physics: Any) -> tuple[World, np.ndarray]:
@@ -39,7 +83,7 @@ def wrenched(engine: str, **physics: Any) -> tuple[World, np.ndarray]:
 
 def after(made: World, u: np.ndarray, steps: int) -> State:
     for _ in range(steps):
-        state = made.step(u, wrench.CONTROL_S)
+        state = made.step(u, WRENCH_CONTROL_S)
     return state
 
 
@@ -79,7 +123,7 @@ def test_engines_agree_on_a_wrench_on_everything() -> None:
         made, u = wrenched(engine, rate_hz=480)
         for push in pushes:
             u[:6] = push
-            state = made.step(u, wrench.CONTROL_S)
+            state = made.step(u, WRENCH_CONTROL_S)
         found.append(state)
         made.close()
     assert np.abs(found[0].q[:3] - found[1].q[:3]).max() < 3e-3 and np.abs(found[0].q[3:6] - found[1].q[3:6]).max() < 0.03
@@ -90,25 +134,25 @@ def test_a_torque_is_one_of_the_world_and_comes_back() -> None:
     """Hinges are the axes of the palm's rotation; `action_for` undoes `command`; forces are along the frame."""
     rng = np.random.default_rng(0)
     q, yaw, action = rng.uniform(-0.8, 0.8, (5, 6)), rng.uniform(-3, 3, 5), rng.uniform(-1, 1, (5, 24))
-    small, axes = 1e-6, wrench.hinges(q)
+    small, axes = 1e-6, hinges(q)
     for k in range(3):
         moved = q.copy()
         moved[:, 3 + k] += small
         turns = Rotation.from_euler("ZYX", moved[:, 3:]) * Rotation.from_euler("ZYX", q[:, 3:]).inv()
         assert np.allclose(turns.as_rotvec() / small, axes[:, k], atol=1e-5)
-    u = wrench.command(action, q, yaw, LIMITS)
-    assert np.allclose(wrench.action_for(u[:, :6], u[:, 6:], q, yaw, LIMITS), action)
-    assert np.allclose(to_frame(u[:, :3], yaw), wrench.FORCE_N * action[:, :3])
+    u = wrench_command(action, q, yaw, LIMITS)
+    assert np.allclose(action_for(u[:, :6], u[:, 6:], q, yaw, LIMITS), action)
+    assert np.allclose(to_frame(u[:, :3], yaw), FORCE_N * action[:, :3])
     assert ((u[:, 6:] >= LIMITS[6:, 0] - 1e-12) & (u[:, 6:] <= LIMITS[6:, 1] + 1e-12)).all()
-    assert np.allclose(wrench.table(LIMITS)[6:, 0], np.ptp(LIMITS[6:], axis=1) / 2)
+    assert np.allclose(wrench_table(LIMITS)[6:, 0], np.ptp(LIMITS[6:], axis=1) / 2)
 
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_a_script_of_wrenches_succeeds(engine: str) -> None:
     """Three objects, strict physics, 200 steps at 60 Hz: two or more are at the goal, so that the reward is attainable."""
     tasks = [held_by_handle(), held_by_handle("screwdriver"), held_by_handle("knife", 3)]
-    core = Grasping(shadow(), tasks, Config(engine=engine, physics=STRICT, action_mode="paper", steps=wrench.STEPS))
-    played = play(core, Script(), [np.random.default_rng(k) for k in range(3)])
+    core = GraspWorlds(shadow(), tasks, GraspEnvConfig(engine=engine, physics=STRICT, action_mode="paper", steps=WRENCH_STEPS))
+    played = rollout(core, SpringScript(), [np.random.default_rng(k) for k in range(3)])
     assert played.report["success"].sum() >= 2 and played.report["held"].sum() >= 2
     assert played.rate_hz == pytest.approx(60) and played.q.shape[1] == 201 and np.abs(played.action).max() <= 1
     core.close()
@@ -133,7 +177,7 @@ def test_gymnasium_is_content_and_what_is_saved_goes_on(engine: str) -> None:
 
 def test_rates_are_what_they_were() -> None:
     """Servos with weight, 20 a second: places that a hand reached before there was another mode, to the micrometre."""
-    config = Config()
+    config = GraspEnvConfig()
     assert (config.action_mode, config.control_s, Scene(shadow(), tool("screwdriver")).wrist) == ("rate", 0.05, "servo")
     made = env(engine="mujoco", layout="small")
     made.reset(seed=3)
@@ -148,6 +192,6 @@ def test_bases_are_refused() -> None:
     """They give targets, and there are none."""
     for base in ("script", "prior"):
         with pytest.raises(ValueError, match="expected none with action_mode=paper"):
-            Config(action_mode="paper", base=base, posture=(0.0,) * 24)
+            GraspEnvConfig(action_mode="paper", base=base, posture=(0.0,) * 24)
     with pytest.raises(ValueError, match="expected servo or wrench"):
         Scene(shadow(), tool("screwdriver"), wrist="rope")

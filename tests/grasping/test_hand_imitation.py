@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import torch
 
-from afford.grasping.env.observe import blocks
-from afford.grasping.policies import acting
-from afford.grasping.rl import saved
+from afford.grasping.env.obs_blocks import obs_blocks
+from afford.grasping.policies import load_policy
+from afford.grasping.rl import policy_files
 from afford.grasping.sim.scene import Physics
 from schemas.training import Trained
 from stages.grasping import hand_imitation
@@ -46,7 +46,7 @@ def trained(folder: Path, params: hand_imitation.Params = SHORT, last: int = 10*
 
 def test_twice_the_same_bytes_and_killed_goes_on_to_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Files by digest and curves. What is read again acts as the facts say."""
-    monkeypatch.setattr("afford.grasping.imitation.prior.SAVE_EVERY", 1)
+    monkeypatch.setattr("afford.grasping.imitation.train_prior.SAVE_EVERY", 1)
     first, again = trained(tmp_path / "a"), trained(tmp_path / "b")
     digests = [[(file.name, file.digest) for file in made.files.files] for made in (first, again)]
     assert digests[0] == digests[1]
@@ -56,11 +56,11 @@ def test_twice_the_same_bytes_and_killed_goes_on_to_them(tmp_path: Path, monkeyp
         other = trained(tmp_path / f"c{done}")
         assert [(file.name, file.digest) for file in other.files.files] == digests[0]
         assert all(np.array_equal(a.value, b.value) for a, b in zip(first.log.curves, other.log.curves, strict=True))
-    model, facts = saved.read(first.files)
+    model, facts = policy_files.read_policy(first.files)
     assert (facts["role"], facts["layout"], facts["rates"], facts["steps"]) == ("prior", "small", "prior", 12)
     assert len(facts["posture"]) == 24 and facts["posture"][2] > 0.1
-    assert acting.load(first.files, {}).config("bullet", Physics(), "flat", 0.0).posture
-    width = sum(block.width for block in blocks("small", "prior"))
+    assert load_policy.load_policy(first.files, {}).config("bullet", Physics(), "flat", 0.0).posture
+    width = sum(block.width for block in obs_blocks("small", "prior"))
     assert model.actions(torch.zeros(1, width)).mean.shape == (1, 24)
 
 
@@ -73,7 +73,7 @@ def test_it_learns_what_the_expert_does(tmp_path: Path) -> None:
 
 def test_no_clip_that_lifts_is_said(tmp_path: Path) -> None:
     """Clips that hold nothing are dropped; when none is left, one sentence."""
-    with pytest.raises(ValueError, match="a clip that lifts its object 1 times of 1, got none of 4"):
+    with pytest.raises(ValueError, match="no clip of 4 lifts its object 1 times of 1"):
         trained(tmp_path, replace(SHORT, proofs=1, steps=6))
     for name, value in (("worlds", 0), ("nudged", 2.0)):
         with pytest.raises(ValueError, match=name):

@@ -1,4 +1,4 @@
-"""Keypoints come in from three kinds of file, in metres and one order; what cannot be a hand is refused in one sentence."""
+"""Readers of keypoints: three file formats, units, and one-sentence errors."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def fields(motion: HandMotion, **changes: Any) -> dict[str, Any]:
 
 
 def written(path: Path, record: dict[str, Any]) -> Path:
-    """The record as the kind of file that the name says."""
+    """Write a record in the format of the file name."""
     if path.suffix == ".npz":
         np.savez(path, **record)
     elif path.suffix == ".json":
@@ -50,8 +50,8 @@ def written(path: Path, record: dict[str, Any]) -> Path:
 
 
 @pytest.mark.parametrize("ending", ["npz", "json", "csv"])
-def test_every_kind_of_file_gives_the_same_clip(motion: HandMotion, tmp_path: Path, ending: str) -> None:
-    """Millimetres become metres to the last digits; phases and the object's name come along."""
+def test_file_formats_give_the_same_clip(motion: HandMotion, tmp_path: Path, ending: str) -> None:
+    """Millimetres become metres to the last digits; phases and the object's name are kept."""
     words = ["reach"] * 6 + ["hold"] * 6
     (found,) = read(written(tmp_path / f"wave.{ending}", fields(motion, phase=words, object_name="cup")))
     np.testing.assert_allclose(found.keypoints_m, motion.keypoints_m, rtol=0, atol=1e-15)
@@ -59,8 +59,8 @@ def test_every_kind_of_file_gives_the_same_clip(motion: HandMotion, tmp_path: Pa
     assert [PHASES[k] for k in found.phase] == words
 
 
-def test_poses_are_scaled_and_turned_as_they_are(motion: HandMotion, tmp_path: Path) -> None:
-    """Lengths of poses have the file's unit, quaternions are made unit."""
+def test_units_of_poses(motion: HandMotion, tmp_path: Path) -> None:
+    """Lengths of poses use the file's unit; quaternions are normalized."""
     palm, pose = np.tile(np.eye(4), (12, 1, 1)), np.tile([100.0, 0, 0, 0, 0, 0, 2], (12, 1))
     palm[:, 0, 3] = 250
     (found,) = read(written(tmp_path / "a.npz", fields(motion, object_pose=pose, palm=palm)))
@@ -76,7 +76,7 @@ BAD: dict[str, tuple[dict[str, Any], str]] = {
     "two rates": ({"fps": np.array([30.0, 60.0])}, "fps: expected one number, got 2"),
     "shape": ({"keypoints": np.zeros((12, 16, 3))}, r"expected numbers \(frames, 21, 3\)"),
     "empty": ({"keypoints": np.zeros((0, 21, 3))}, "one frame at least"),
-    "gap": ({"keypoints": np.full((12, 21, 3), np.nan)}, "expected finite numbers, got one that is not in frame 0"),
+    "gap": ({"keypoints": np.full((12, 21, 3), np.nan)}, "expected finite numbers, got another in frame 0"),
     "words": ({"keypoints": np.full((12, 21, 3), "x")}, "expected numbers"),
     "phase": ({"phase": ["grab"] * 12}, "phase: expected words of unknown"),
     "phases": ({"phase": ["hold"] * 3}, "phase: expected finite numbers"),
@@ -88,25 +88,25 @@ BAD: dict[str, tuple[dict[str, Any], str]] = {
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_what_is_wrong_is_said_in_one_sentence(motion: HandMotion, tmp_path: Path, case: str) -> None:
+def test_errors_of_invalid_clips(motion: HandMotion, tmp_path: Path, case: str) -> None:
     changes, message = BAD[case]
     with pytest.raises(SourceError, match=message) as caught:
         read(written(tmp_path / "bad.npz", fields(motion, **changes)))
     assert str(caught.value).startswith("bad.npz") and "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize(("changes", "said"), [
+@pytest.mark.parametrize(("changes", "message"), [
     ({"phase": [["hold"], ["hold", "reach"]]}, "phase: expected words of unknown"),
     ({"object_pose": [[10**400] * 7] * 12}, "object_pose: expected numbers in rows of one length"),
 ])  # fmt: skip
-def test_json_that_numpy_cannot_take_is_refused(motion: HandMotion, tmp_path: Path, changes: dict[str, Any], said: str) -> None:
-    """Rows of several lengths, numbers beyond any float."""
-    with pytest.raises(SourceError, match=said):
+def test_malformed_json_is_rejected(motion: HandMotion, tmp_path: Path, changes: dict[str, Any], message: str) -> None:
+    """Rows differ in length, or numbers exceed any float."""
+    with pytest.raises(SourceError, match=message):
         read(written(tmp_path / "bad.json", fields(motion, **changes)))
 
 
-def test_files_that_are_no_files_of_keypoints(motion: HandMotion, tmp_path: Path) -> None:
-    """Objects in an .npz are never unpickled; broken and missing files, columns that are missing, two clips of one name."""
+def test_malformed_files_are_rejected(motion: HandMotion, tmp_path: Path) -> None:
+    """Pickled objects, broken files, missing columns, and two clips of one name are rejected."""
     np.savez(tmp_path / "a.npz", keypoints=np.array([{"a": 1}], object), allow_pickle=True)
     with pytest.raises(SourceError, match=r"a.npz: expected an .npz of plain arrays"):
         read(tmp_path / "a.npz")
@@ -124,8 +124,8 @@ def test_files_that_are_no_files_of_keypoints(motion: HandMotion, tmp_path: Path
         motion_read.run(tree(*both), motion_read.Params())
 
 
-def test_a_mirror_image_is_the_other_hand(motion: HandMotion) -> None:
-    """Twice is the motion itself; the palm's axes are those of a left hand, reflected."""
+def test_mirror_motion(motion: HandMotion) -> None:
+    """Two reflections are the identity; the palm axes of the mirrored hand are reflected."""
     left = mirror_motion(motion)
     assert left.side == "left"
     np.testing.assert_array_equal(mirror_motion(left).keypoints_m, motion.keypoints_m)
@@ -135,7 +135,7 @@ def test_a_mirror_image_is_the_other_hand(motion: HandMotion) -> None:
 
 @pytest.mark.skipif(not SHARED.is_dir(), reason="needs ../shared/data/motion")
 def test_shared_recordings() -> None:
-    """The webcam's clip, and 376 grasps of 20 objects whose bones are the same in all of them and whose thumb is the first."""
+    """A webcam clip, and 376 grasps of 20 objects with constant bones and the thumb first."""
     (clip,) = read(SHARED / "human_hand_keypoints_right.npz")
     assert clip.keypoints_m.shape == (621, 21, 3) and clip.rate_hz == 30.0
     grasps = read(SHARED / "dexycb_train_grasps.npz", "dexycb")
@@ -147,7 +147,7 @@ def test_shared_recordings() -> None:
     assert base.argmin() == 0 and base.argmax() == 2
 
 
-def test_grasps_that_are_not_those_of_dexycb(tmp_path: Path) -> None:
+def test_malformed_dexycb_files_are_rejected(tmp_path: Path) -> None:
     for name, arrays, message in (("a", {"x": np.zeros(1)}, "expected arrays <object id>/final_ee_rel"),
                                   ("b", {"99/final_ee_rel": np.zeros((1, 63))}, "expected object ids 1 to 21"),
                                   ("c", {"1/final_ee_rel": np.zeros((1, 60))}, r"expected numbers \(grasps, 63\)")):  # fmt: skip

@@ -1,4 +1,4 @@
-"""OakInk2 in files of its format, written here: what is no plain number is never run, and joints are where the formulas say."""
+"""OakInk2 files written here: malicious pickles are never run, and MANO joints follow the formulas."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from tests.helpers.made_motions import oakink2_root, pretend_mano, tree
 
 
 class Evil:
-    """Runs a command when it is unpickled in the usual way."""
+    """Object that runs a command when it is unpickled normally."""
 
     def __init__(self, marker: Path) -> None:
         self.marker = marker
@@ -35,7 +35,7 @@ class Evil:
 
 
 class Hidden(Evil):
-    """The same inside what looks like the numbers of a tensor."""
+    """The same command inside a tensor's storage."""
 
     def __reduce__(self) -> tuple[Any, ...]:
         inner = io.BytesIO()
@@ -44,7 +44,7 @@ class Hidden(Evil):
 
 
 class Codec:
-    """Any codec by name would be code."""
+    """Codec by name, which would be code."""
 
     def __reduce__(self) -> tuple[Any, ...]:
         import _codecs
@@ -58,8 +58,8 @@ def dumped(path: Path, value: object, protocol: int = 4) -> Path:
 
 
 @pytest.mark.parametrize("evil", [Evil, Hidden])
-def test_a_planted_pickle_is_refused_and_never_run(tmp_path: Path, evil: type[Evil]) -> None:
-    """Beside good annotations, too; it is shown here that it would have run in the usual way."""
+def test_a_malicious_pickle_is_rejected_and_never_run(tmp_path: Path, evil: type[Evil]) -> None:
+    """The test also shows that a normal unpickler would have run the command."""
     marker = tmp_path / "marker"
     path = dumped(tmp_path / "bad.pkl", {"mocap_frame_id_list": [0], "raw_mano": evil(marker)})
     with pytest.raises(SourceError, match=r"bad.pkl: expected an annotation of OakInk2 made of numbers") as caught:
@@ -71,14 +71,14 @@ def test_a_planted_pickle_is_refused_and_never_run(tmp_path: Path, evil: type[Ev
 
 
 @pytest.mark.parametrize("value", [{1, 2}, Codec(), np.array([{}], object), Path("x"), b"bytes"])
-def test_what_is_no_plain_value_is_refused(tmp_path: Path, value: object) -> None:
+def test_other_pickled_values_are_rejected(tmp_path: Path, value: object) -> None:
     with pytest.raises(RefusedError):
         load_plain(dumped(tmp_path / "a.pkl", {"x": value}))
 
 
 @pytest.mark.parametrize("protocol", [2, 4, 5])
-def test_plain_values_come_back(tmp_path: Path, protocol: int) -> None:
-    """Numbers, text, lists, tuples, arrays, scalars; tensors as arrays."""
+def test_plain_values_are_read(tmp_path: Path, protocol: int) -> None:
+    """Numbers, text, lists, tuples, arrays, scalars; tensors become arrays."""
     value = {"a": [1, 2.5, "x", None, True], ("t", 1): np.arange(6.0).reshape(2, 3), "s": np.float64(3.5),
              "t": torch.arange(4.0).reshape(2, 2)}  # fmt: skip
     found = load_plain(dumped(tmp_path / "a.pkl", value, protocol))
@@ -88,7 +88,7 @@ def test_plain_values_come_back(tmp_path: Path, protocol: int) -> None:
 
 
 def test_sequences_become_clips(tmp_path: Path) -> None:
-    """Each hand of each primitive is a clip of its frames; the wrist is at tsl, the object is where its matrix says."""
+    """Each hand of each primitive is one clip; the wrist is at tsl, the object at its matrix."""
     root, out = oakink2_root(tmp_path / "root"), tmp_path / "out"
     assert convert_all(root, out) == ["scene_01++seq_a"]
     for side in ("left", "right"):
@@ -105,8 +105,8 @@ def test_sequences_become_clips(tmp_path: Path) -> None:
     np.testing.assert_allclose(right.keypoints_m[0] - right.keypoints_m[0, 0], wrist.apply(flat[0]), atol=1e-9)
 
 
-def test_the_chain_of_joints(tmp_path: Path) -> None:
-    """A bent index knuckle moves what hangs on it, by a turn about it, and nothing else; shape blends move joints."""
+def test_mano_kinematics(tmp_path: Path) -> None:
+    """A bent index knuckle rotates the joints below it about itself, and no others; shape blends move joints."""
     np.savez(tmp_path / "mano_right.npz", **pretend_mano(seed=1))
     model = oakink2.read_mano(tree(tmp_path / "mano_right.npz").files[0], "right")
     flat, bent = (np.tile([0.0, 0, 0, 1], (1, 16, 1)) for _ in range(2))
@@ -119,7 +119,7 @@ def test_the_chain_of_joints(tmp_path: Path) -> None:
     assert np.abs(oakink2.keypoints(model, flat, np.ones((1, 10)))[0] - before).max() > 1e-3
 
 
-def test_bad_files_are_said_in_one_sentence(tmp_path: Path) -> None:
+def test_errors_of_invalid_files(tmp_path: Path) -> None:
     with pytest.raises(SourceError, match="expected anno_preview"):
         convert_all(tmp_path, tmp_path / "out")
     root = oakink2_root(tmp_path / "root")

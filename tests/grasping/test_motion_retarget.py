@@ -1,4 +1,4 @@
-"""The robot hand does what the person does: exactly where it can, within its limits always, and not at all where it must not."""
+"""Retargeting: accuracy, exact joint limits, mirror symmetry, dropped clips."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ def run(motion: HandMotion, **changes: object) -> Retargeted:
 
 
 def noisy(seed: int, frames: int = 40) -> HandMotion:
-    """Something that no hand does: all points of a posed hand shaken by centimetres."""
+    """Shake all points of a posed hand by centimetres, which no hand can follow."""
     motion = own_motion(shadow(), trajectory(shadow(), frames, seed=seed))
     shake = np.random.default_rng(seed).normal(0, 0.02, motion.keypoints_m.shape)
     return replace(motion, keypoints_m=motion.keypoints_m + shake)
 
 
-def test_the_hands_own_motion_comes_back(motion: HandMotion) -> None:
-    """All points within a millimetre (they are within a hundredth of one), smoothing included, and so is the palm's pose."""
+def test_the_hands_own_motion_is_recovered(motion: HandMotion) -> None:
+    """Points and palm agree within a millimetre, smoothing included."""
     found = run(motion, centre=False)
     (reference,) = found.references
     assert found.verdict.kept and found.verdict.error_p95_m < 1e-3 and reference.error_m.max() < 1e-3
@@ -47,8 +47,8 @@ def test_the_hands_own_motion_comes_back(motion: HandMotion) -> None:
     assert reference.bone_error_rad.max() < 0.02
 
 
-def test_what_is_stored_is_where_the_hand_is(motion: HandMotion) -> None:
-    """Forward kinematics of q, gantry and all, gives the stored palm, both levels and the tips."""
+def test_references_agree_with_forward_kinematics(motion: HandMotion) -> None:
+    """Forward kinematics of q, gantry included, gives the stored palm, both levels and the tips."""
     (reference,) = run(motion).references
     hand = shadow()
     T = forward_kinematics(hand.joints, reference.q)
@@ -60,8 +60,8 @@ def test_what_is_stored_is_where_the_hand_is(motion: HandMotion) -> None:
         np.testing.assert_allclose(points_on_links(T, links, offsets), stored, atol=1e-9)
 
 
-def test_turned_and_shifted_is_the_same_motion(motion: HandMotion) -> None:
-    """`centre` moves the world by T_world_source, the palm begins at x = y = 0 and its yaw is 0 on average."""
+def test_centred_world(motion: HandMotion) -> None:
+    """`centre` transforms the world by T_world_source: the palm starts at x = y = 0, and its mean yaw is 0."""
     (moved,), (kept,) = run(motion).references, run(motion, centre=False).references
     np.testing.assert_allclose(moved.T_world_palm, moved.T_world_source @ kept.T_world_palm, atol=1e-9)
     np.testing.assert_allclose(moved.T_world_palm[0, :2, 3], 0, atol=1e-12)
@@ -70,8 +70,8 @@ def test_turned_and_shifted_is_the_same_motion(motion: HandMotion) -> None:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_limits_are_kept_exactly(seed: int) -> None:
-    """Even for what no hand can do; coupled joints follow their driver exactly."""
+def test_joint_limits_hold_exactly(seed: int) -> None:
+    """Limits hold for motion that no hand can do; coupled joints equal their drivers."""
     hand = shadow()
     (reference,) = run(noisy(seed), **ANYTHING).references
     low, high = joint_limits(hand.joints).T
@@ -81,8 +81,8 @@ def test_limits_are_kept_exactly(seed: int) -> None:
         np.testing.assert_array_equal(reference.q[:, names.index(f"{finger}J0")], reference.q[:, names.index(f"{finger}J1")])
 
 
-def test_errors_and_slopes_agree() -> None:
-    """The analytic J^T e is the derivative of the cost by every unknown of a frame."""
+def test_gradient_of_the_cost() -> None:
+    """The analytic J^T e equals the numerical derivative of the cost by every unknown of a frame."""
     hand = shadow()
     which, motion = hand_points(hand), own_motion(hand, trajectory(hand, 3, seed=5))
     goal = scaled_targets(hand, which, motion.keypoints_m, 0.0)
@@ -98,8 +98,8 @@ def test_errors_and_slopes_agree() -> None:
         np.testing.assert_allclose((cost[0] - cost[1]) / 2e-6, g[:, k], rtol=1e-4, atol=1e-8)
 
 
-def test_a_left_clip_is_the_mirror_image_of_a_right_one(motion: HandMotion) -> None:
-    """Mirrored to the left and given to the right hand it comes back to the bit, and says so; or it is dropped when asked."""
+def test_left_clips_are_mirrored(motion: HandMotion) -> None:
+    """A mirrored clip gives the same bits; with mirror=False it is dropped."""
     pose = np.tile([0.1, 0.2, 0.3, 0.1, 0.2, 0.3, 0.9], (60, 1))
     motion = replace(motion, object_pose=pose, object_name="cup")
     right, left = run(motion), run(mirror_motion(motion))
@@ -110,14 +110,14 @@ def test_a_left_clip_is_the_mirror_image_of_a_right_one(motion: HandMotion) -> N
     assert (dropped.verdict.reason, dropped.references) == ("other hand", ())
 
 
-def test_the_same_bytes_twice() -> None:
+def test_determinism() -> None:
     first, second = run(noisy(3), max_point_m_s=100.0), run(noisy(3), max_point_m_s=100.0)
     assert repr(first.verdict) == repr(second.verdict)
     assert [r.q.tobytes() for r in first.references] == [r.q.tobytes() for r in second.references]
 
 
 def broken(motion: HandMotion) -> dict[str, HandMotion]:
-    """Reason -> a clip that is dropped for it."""
+    """Return reason -> a clip that is dropped for it."""
     jump, stretched, far = (motion.keypoints_m.copy() for _ in range(3))
     jump[30:] += [0.3, 0, 0]
     stretched[::4, 8] += 2 * (stretched[::4, 8] - stretched[::4, 7])
@@ -135,8 +135,8 @@ REASONS = ("teleport", "too short", "out of reach", "bends backwards", "bones ch
 
 
 @pytest.mark.parametrize("reason", REASONS)
-def test_bad_clips_are_dropped_for_that_reason(motion: HandMotion, reason: str) -> None:
-    """The verdict says which rule, with its figure; nothing is left to imitate."""
+def test_reasons_of_dropped_clips(motion: HandMotion, reason: str) -> None:
+    """The verdict names the rule and its figure; no reference remains."""
     looser = {"joint speed": {"min_s": 0.01, "max_point_m_s": 500.0, "max_palm_m_s": 500.0, "max_rate_hz": 1000.0},
               "palm speed": {"max_palm_m_s": 1.0}}
     found = run(broken(motion)[reason], **looser.get(reason, {}))
@@ -144,13 +144,13 @@ def test_bad_clips_are_dropped_for_that_reason(motion: HandMotion, reason: str) 
     assert found.verdict.detail
 
 
-def test_what_the_hand_cannot_follow_is_dropped() -> None:
+def test_clips_with_large_errors_are_dropped() -> None:
     found = run(noisy(1), max_point_m_s=100.0, max_bone_change=9.0)
     assert found.verdict.reason == "error too large" and found.verdict.error_p95_m > PARAMS.max_error_m
     assert found.verdict.detail.startswith(f"{1000 * found.verdict.error_p95_m:.1f} mm")
 
 
-def test_fast_clips_are_thinned_and_long_ones_cut(motion: HandMotion) -> None:
+def test_fast_clips_are_subsampled_and_long_ones_cut(motion: HandMotion) -> None:
     """120 Hz becomes 60 Hz: frames 0, 2, 4..."""
     twice = own_motion(shadow(), np.repeat(trajectory(shadow(), 60, seed=1), 2, axis=0), rate_hz=120.0)
     (thin,), (plain,) = run(twice).references, run(motion).references
@@ -159,8 +159,8 @@ def test_fast_clips_are_thinned_and_long_ones_cut(motion: HandMotion) -> None:
     assert len(run(motion, max_frames=40).references[0].q) == 40
 
 
-def test_a_thumb_that_points_up_is_no_trouble() -> None:
-    """There the gantry's yaw and roll are one turn; the hand still gets there, and q still says where it is."""
+def test_pitch_at_a_right_angle() -> None:
+    """Yaw and roll of the gantry are one rotation there; the fit still succeeds and q gives the palm."""
     hand, q = shadow(), trajectory(shadow(), 40, seed=2)
     q[:, 3:6] = [0.3, -np.pi / 2, 0.2]
     q[:, 4] += 0.02 * np.sin(np.arange(40) / 6)
@@ -171,21 +171,21 @@ def test_a_thumb_that_points_up_is_no_trouble() -> None:
     np.testing.assert_allclose(forward_kinematics(hand.joints, reference.q)[:, hand.palm], reference.T_world_palm, atol=1e-3)
 
 
-def test_fingertips_stay_on_the_object_when_asked() -> None:
-    """A hand with shorter fingers holds something: with keep_tips the robot's tips are nearer to where the person's are."""
+def test_keep_tips() -> None:
+    """A hand with shorter fingers holds an object: with keep_tips its tips are nearer to the human ones."""
     hand = shadow()
     points = own_motion(hand, trajectory(hand, 30, seed=4, share=0.5)).keypoints_m.copy()
     chains = points[:, 1:].reshape(30, 5, 4, 3)
     chains[:, :, 1:] = chains[:, :, :1] + 0.8 * (chains[:, :, 1:] - chains[:, :, :1])
     held = hand_motion("held", "test", "right", 60.0, points, where="test", object_name="cup",
-                 object_pose=np.tile([0, 0, 0, 0, 0, 0, 1.0], (30, 1)))  # fmt: skip
+                       object_pose=np.tile([0, 0, 0, 0, 0, 0, 1.0], (30, 1)))  # fmt: skip
     found = [run(held, keep_tips=keep, centre=False, max_error_m=0.05).references[0].tips_m for keep in (0.0, 1.0)]
     far = [np.linalg.norm(tips - chains[:, :, 3], axis=-1).mean() for tips in found]
     assert far[1] < 0.5 * far[0]
 
 
-def test_smoother_costs_exactness() -> None:
-    """A dearer acceleration gives less of it, and a larger error."""
+def test_acceleration_weight() -> None:
+    """A higher weight gives less acceleration and a larger error."""
     shaky = replace(own_motion(shadow(), trajectory(shadow(), 60, seed=1)), rate_hz=60.0)
     shaky = replace(shaky, keypoints_m=shaky.keypoints_m + np.random.default_rng(0).normal(0, 0.002, shaky.keypoints_m.shape))
     found = [run(shaky, **ANYTHING | {"acceleration_m": price}).references[0] for price in (1e-5, 2e-3)]
@@ -193,8 +193,8 @@ def test_smoother_costs_exactness() -> None:
     assert shake[1] < 0.3 * shake[0] and found[1].error_m.mean() > found[0].error_m.mean()
 
 
-def test_a_hand_without_a_gantry_keeps_its_joints(motion: HandMotion) -> None:
-    """Its root is free: q are the fingers, the palm's pose says where the hand is."""
+def test_a_hand_without_a_gantry(motion: HandMotion) -> None:
+    """q contains the fingers only; the palm's pose locates the free root."""
     free: HandModel = shadow(wrist="none")
     (reference,) = hand_retarget.run(motion, free, PARAMS).references
     (mounted,) = run(motion).references
@@ -202,14 +202,14 @@ def test_a_hand_without_a_gantry_keeps_its_joints(motion: HandMotion) -> None:
     np.testing.assert_allclose(reference.T_world_palm, mounted.T_world_palm, atol=1e-9)
 
 
-def test_the_report_counts_every_reason(motion: HandMotion) -> None:
+def test_report_counts_reasons(motion: HandMotion) -> None:
     clips = broken(motion)
     found = [run(replace(clip, name=reason)) for reason, clip in clips.items() if reason in ("teleport", "too short")]
     again = replace(clips["teleport"], name="again")
     everything = motion_report.run((run(motion), *found, run(again)), motion_report.Params("hand"))
     assert everything.report.kept == 1 and everything.report.dropped == ("teleport: 2", "too short: 1")
     assert [verdict.name for verdict in everything.report.verdicts] == ["again", "own", "teleport", "too short"]
-    with pytest.raises(ValueError, match="expected a clip that can be imitated, got none of 2; teleport: 1, too short: 1"):
+    with pytest.raises(ValueError, match="no clip of 2 can be imitated; teleport: 1, too short: 1"):
         motion_report.run(tuple(found), motion_report.Params())
 
 
@@ -220,8 +220,8 @@ def test_parameters_out_of_range(motion: HandMotion, name: str, value: float) ->
 
 
 @pytest.mark.skipif(not SHARED.is_dir(), reason="needs ../shared/data/motion")
-def test_real_motion_is_followed() -> None:
-    """A webcam's clip and real grasps: fractions of a finger's breadth, bones within some degrees."""
+def test_recorded_motion_is_followed() -> None:
+    """A webcam clip and real grasps: errors below 10 mm, bones within some degrees."""
     (clip,) = motion_read.run(tree(SHARED / "human_hand_keypoints_right.npz"), motion_read.Params())
     found = run(clip, max_frames=120).verdict
     assert found.kept and found.error_p95_m < 0.01 and found.bone_error_rad < np.deg2rad(14)
@@ -229,8 +229,8 @@ def test_real_motion_is_followed() -> None:
     assert all(run(grasp, keep_tips=0.0).verdict.error_mean_m < 0.01 for grasp in grasps[::40])
 
 
-def test_state_turns_in_the_world() -> None:
-    """A step turns the palm about the world's axes, and cuts motors at their limits."""
+def test_steps_of_the_palm_are_in_the_world_frame() -> None:
+    """A step rotates the palm about world axes and clips motors at their limits."""
     state = FitState(np.eye(4)[None], np.zeros((1, 2)))
     moved = state.moved(np.array([[1, 2, 3, 0, 0, np.pi / 2, 5, -5]]), np.full(2, -1.0), np.full(2, 1.0))
     np.testing.assert_allclose(moved.palm[0], [[0, -1, 0, 1], [1, 0, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]], atol=1e-12)

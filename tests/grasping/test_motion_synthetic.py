@@ -1,4 +1,4 @@
-"""A made-up grasp moves as people do, fits what it grasps, and a robot hand can follow it."""
+"""Synthetic reaches: speed and aperture profiles of people, a hold that fits the handle, and retargeting."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ def made(params: motion_synthesise.Params = STILL, **target: object) -> tuple[Ha
     return motion_synthesise.run(rod(**target), params)  # type: ignore[arg-type]  # fields of the rod
 
 
-def test_minimum_jerk_has_less_jerk_than_any_neighbour() -> None:
-    """At rest at both ends; any bump that keeps both ends at rest adds squared jerk."""
+def test_minimum_jerk_is_minimal() -> None:
+    """Any bump that keeps both ends at rest adds squared jerk."""
     s = np.linspace(0, 1, 2001)
 
     def jerk(path: np.ndarray) -> float:
@@ -36,13 +36,13 @@ def test_minimum_jerk_has_less_jerk_than_any_neighbour() -> None:
     assert np.diff(least).max() * 2000 == pytest.approx(15 / 8, rel=1e-4)
 
 
-def test_through_knots() -> None:
+def test_minimum_jerk_through_knots() -> None:
     times = np.array([0.0, 1.0, 3.0, 9.0])
     np.testing.assert_array_equal(minimum_jerk_through(times, np.array([0.0, 1.0, 3.0]), np.array([2.0, 5.0, 1.0])), [2, 5, 1, 1])
 
 
-def test_the_reach_is_a_bell_of_speed() -> None:
-    """One peak, amid the reach, 15/8 of the mean; the wrist runs straight and its jerk is that of the least."""
+def test_speed_profile_of_the_reach() -> None:
+    """One peak near the middle, 15/8 of the mean; the wrist moves on a straight line."""
     for motion in made():
         reach = motion.keypoints_m[motion.phase == REACH, 0]
         speed = np.linalg.norm(np.diff(reach, axis=0), axis=1)
@@ -55,8 +55,8 @@ def test_the_reach_is_a_bell_of_speed() -> None:
         assert np.linalg.norm(off, axis=1).max() < 1e-9
 
 
-def test_the_hand_opens_before_it_closes() -> None:
-    """The aperture peaks once, at 60 to 70 % of the reach, before the contact, and ends at the size of the handle."""
+def test_aperture_profile() -> None:
+    """One peak at 60 to 70 % of the reach; the aperture ends at the size of the handle."""
     for motion in made(diameter_m=0.04):
         wide = aperture(motion.keypoints_m)
         peak, reach = int(wide.argmax()), int((motion.phase == REACH).sum())
@@ -65,15 +65,15 @@ def test_the_hand_opens_before_it_closes() -> None:
         assert wide[-1] == pytest.approx(0.04 + 2 * 0.006, abs=5e-4)
 
 
-def test_the_peak_grows_with_the_object() -> None:
-    """By 0.82 of its size, as long as the hand can open."""
+def test_peak_aperture_grows_with_the_object() -> None:
+    """The slope is 0.82, as long as the hand can open."""
     small, large = (aperture(made(diameter_m=size)[0].keypoints_m).max() for size in (0.02, 0.04))
     assert (large - small) / 0.02 == pytest.approx(0.82, abs=0.02)
 
 
 @pytest.mark.parametrize("handle", [HANDLE_ALONG_X, np.eye(4)])
-def test_thumb_and_fingers_hold_both_sides(handle: np.ndarray) -> None:
-    """In the hold the handle's middle lies between the thumb and the fingers, which are square to the handle."""
+def test_hold_of_a_handle(handle: np.ndarray) -> None:
+    """The middle of the handle lies between thumb and fingers, which are orthogonal to it."""
     for motion in made(handle=handle):
         held = motion.keypoints_m[motion.phase == PHASES.index("hold")][-1]
         thumb, fingers = held[4], held[[8, 12]].mean(axis=0)
@@ -82,7 +82,7 @@ def test_thumb_and_fingers_hold_both_sides(handle: np.ndarray) -> None:
 
 
 def test_the_object_is_lifted_with_the_hand() -> None:
-    """It stands still until the lift, then rises with the wrist to the height that was asked for."""
+    """The object is still until the lift, then rises with the wrist to the requested height."""
     (motion, *_) = made(replace(STILL, lift_m=0.15))
     before = motion.phase != LIFT
     np.testing.assert_array_equal(motion.object_pose[before], np.tile(motion.object_pose[0], (before.sum(), 1)))
@@ -92,7 +92,7 @@ def test_the_object_is_lifted_with_the_hand() -> None:
     np.testing.assert_allclose(wrist, rise, atol=1e-9)
 
 
-def test_bones_never_change() -> None:
+def test_bone_lengths_are_constant() -> None:
     points = pose_hand(np.linspace(0, 1, 30), np.linspace(-1, 1, 30))
     bones = np.linalg.norm(np.diff(points[:, 1:].reshape(30, 5, 4, 3), axis=2), axis=-1)
     np.testing.assert_allclose(bones, np.tile(bones[:1], (30, 1, 1)), atol=1e-12)
@@ -100,8 +100,8 @@ def test_bones_never_change() -> None:
     assert (np.diff(wide) >= 0).all() and (np.diff(amount) < 0).all()
 
 
-def test_seeds_make_clips() -> None:
-    """Clips differ; the same seed gives the same bytes, another seed others; fewer clips are the first of more."""
+def test_seeds_of_clips() -> None:
+    """Clips differ; a seed gives the same bytes; fewer clips are the first of more."""
     some, again, other = made(), made(), made(replace(STILL, seed=1))
     assert [m.keypoints_m.tobytes() for m in some] == [m.keypoints_m.tobytes() for m in again]
     assert len({m.keypoints_m.tobytes() for m in (*some, *other)}) == 8
@@ -110,14 +110,14 @@ def test_seeds_make_clips() -> None:
 
 @pytest.mark.parametrize("diameter_m", [0.01, 0.05, 0.08])
 def test_a_robot_hand_can_follow(diameter_m: float) -> None:
-    """No rule drops any of them, tremble included."""
-    for motion in made(replace(STILL, noise_m=0.0003, clips=2), diameter_m=diameter_m):
+    """Retargeting keeps all clips, tremor included."""
+    for motion in made(replace(STILL, noise_m=0.0003, clips=1), diameter_m=diameter_m):
         found = hand_retarget.run(motion, shadow(), hand_retarget.Params())
         assert found.verdict.kept, found.verdict.detail
         assert found.verdict.error_p95_m < 0.01
 
 
-def test_what_no_hand_spans_is_refused() -> None:
+def test_invalid_handles_and_parameters_are_rejected() -> None:
     with pytest.raises(ValueError, match=r"rod, diameter_m: expected \d+ to \d+ mm, which a hand can span, got 150 mm"):
         made(diameter_m=0.15)
     for name, value in (("clips", 0), ("reach_s", (1.2, 0.8)), ("hooking", (-2.0, 0.0))):

@@ -1,4 +1,4 @@
-"""Lists of objects in UniDexGrasp's format, written here: three splits that must not leak into each other."""
+"""Reader of UniDexGrasp's lists: three splits that must not overlap."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def lists(folder: Path, **changes: str) -> Path:
     return folder
 
 
-def test_every_size_of_every_object_is_a_row(tmp_path: Path) -> None:
+def test_rows_of_objects_and_sizes(tmp_path: Path) -> None:
     found = read(tree(*lists(tmp_path).iterdir()))
     assert list(zip(found.code, found.category, found.split, found.scale.tolist(), strict=True)) == [
         ("core/bottle-a1", "bottle", "train", 0.06), ("core/bottle-a1", "bottle", "train", 0.08),
@@ -37,12 +37,12 @@ def test_every_size_of_every_object_is_a_row(tmp_path: Path) -> None:
     ({"unseen_objects": "core/bottle-a1: [0.1]"}, r"unseen_objects.yaml: expected objects of no other split, got core/bottle-a1"),
     ({"unseen_categories": "core/bottle-z9: [0.1]"}, r"expected categories that train.yaml lacks, got core/bottle-z9"),
 ])  # fmt: skip
-def test_bad_lists_are_said_in_one_sentence(tmp_path: Path, changes: dict[str, str], message: str) -> None:
+def test_errors_of_invalid_lists(tmp_path: Path, changes: dict[str, str], message: str) -> None:
     with pytest.raises(SourceError, match=message):
         read(tree(*lists(tmp_path, **changes).iterdir()))
 
 
 def test_a_missing_split(tmp_path: Path) -> None:
     lists(tmp_path).joinpath("unseen_objects.yaml").unlink()
-    with pytest.raises(SourceError, match=r"expected a file unseen_objects.yaml, got none"):
+    with pytest.raises(SourceError, match=r"expected a file unseen_objects.yaml, got no such file"):
         read(tree(*tmp_path.iterdir()))

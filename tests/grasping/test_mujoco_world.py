@@ -1,4 +1,4 @@
-"""What MuJoCo's world does by itself; the contract is tested in test_engines.py."""
+"""Retries and limits of MuJoCo worlds; test_engines.py tests the common contract."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ from afford.grasping.sim.mujoco_world import MujocoWorld
 from tests.helpers.made_scenes import away, commands, scene
 
 
-def falls(jacobian: int, iterations: int) -> np.ndarray:
-    """(20, 7) poses of a block that falls askew on the table; a solver that may only take so many iterations."""
+def falling_poses(jacobian: int, iterations: int) -> np.ndarray:
+    """Return (20, 7) poses of a block that falls at an angle onto the table, for a limit of solver iterations."""
     made = MujocoWorld(scene(iterations=iterations))
     made.model.opt.jacobian = jacobian
     made.reset(away(), np.array([0.0, 0.0, 0.12, 0.2, 0.1, 0.0, np.sqrt(0.95)]))
     return np.stack([made.step(commands(away()), 0.05).body for _ in range(20)])
 
 
-def test_steps_that_come_to_nothing_are_taken_anew_on_a_dense_jacobian() -> None:
-    """With one iteration none converges: all of them are those of a dense world, to the bit. With enough, both agree."""
+def test_unconverged_steps_are_retried_with_a_dense_jacobian() -> None:
+    """No step converges within one iteration, so all equal those of a dense world to the bit."""
     sparse, dense = mujoco.mjtJacobian.mjJAC_SPARSE, mujoco.mjtJacobian.mjJAC_DENSE
-    assert np.array_equal(falls(sparse, 1), falls(dense, 1))
-    assert np.allclose(falls(sparse, 100), falls(dense, 100), atol=1e-3)
-    assert not np.array_equal(falls(sparse, 100), falls(dense, 100))
+    assert np.array_equal(falling_poses(sparse, 1), falling_poses(dense, 1))
+    assert np.allclose(falling_poses(sparse, 100), falling_poses(dense, 100), atol=1e-3)
+    assert not np.array_equal(falling_poses(sparse, 100), falling_poses(dense, 100))
 
 
 class Refusing(MujocoWorld):
-    """A world whose next moves come to nothing, so many of them."""
+    """World whose next `refused` steps fail."""
 
     refused = 0
 
@@ -38,8 +38,8 @@ class Refusing(MujocoWorld):
 
 
 @pytest.mark.parametrize("refused", [1, 2])
-def test_a_step_that_diverges_is_taken_anew_and_then_in_smaller_ones(refused: int) -> None:
-    """Wherever the others were refused, a block that falls is where it would be, and the next steps are as they ever were."""
+def test_diverging_steps_are_retried_in_smaller_steps(refused: int) -> None:
+    """A falling block ends where it would without failures, and the time step is restored."""
     plain, other = MujocoWorld(scene()), Refusing(scene())
     ends = []
     for world in (plain, other):
@@ -51,7 +51,7 @@ def test_a_step_that_diverges_is_taken_anew_and_then_in_smaller_ones(refused: in
     assert other.model.opt.timestep == plain.model.opt.timestep
 
 
-def test_a_world_that_diverges_however_small_the_step_says_so_and_begins_again_as_new() -> None:
+def test_a_diverged_world_raises_and_can_be_reset() -> None:
     block = np.array([0.0, 0.0, 0.3, 0.0, 0.0, 0.0, 1.0])
     world, fresh = MujocoWorld(scene()), MujocoWorld(scene())
     world.reset(away(), block)
@@ -65,8 +65,8 @@ def test_a_world_that_diverges_however_small_the_step_says_so_and_begins_again_a
     assert np.array_equal(*ends)
 
 
-def test_nothing_is_faster_after_a_step_than_bullet_lets_it() -> None:
-    """Forces that drive the block to the bound, and to half of it."""
+def test_velocities_are_clamped() -> None:
+    """Forces drive the block to the limit and to half of it."""
     world = MujocoWorld(scene())
     reached = []
     for newtons in (1.0, 0.5, 100.0):

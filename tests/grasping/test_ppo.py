@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 import torch
 
+from afford.grasping.env.step_result import StepResult
 from afford.grasping.rl import ppo
-from afford.grasping.rl.advantages import advantages
-from afford.grasping.rl.policy import ActorCritic, PolicyConfig, paper
-from afford.grasping.rl.running import Running
+from afford.grasping.rl.ppo import ActorCritic, PolicyConfig, RunningMeanStd, gae, paper_config
 
 
 class Reach:
@@ -22,12 +21,13 @@ class Reach:
         self._goal = self._rng.uniform(-1, 1, self._n)
         return self._seen()
 
-    def step(self, action: np.ndarray) -> ppo.Moved:
+    def step(self, action: np.ndarray) -> StepResult:
         reward = -((action[:, 0] - self._goal) ** 2)
         reached = self._seen()
         self._step += 1
         ended = np.full(self._n, self._step % 3 == 0)
-        return ppo.Moved(self.reset(), reached, reward, np.zeros(self._n, bool), ended, {"reward": float(reward.mean())})
+        no, metrics = np.zeros(self._n, bool), {"reward": float(reward.mean())}
+        return StepResult(reward, no, ended, obs=self.reset(), final_obs=reached, metrics=metrics)
 
     def _seen(self) -> np.ndarray:
         return np.stack([self._goal, np.full(self._n, 40.0)], 1).astype(np.float32)
@@ -39,8 +39,8 @@ def model(seed: int = 0) -> ActorCritic:
 
 
 def trained(updates: int, seed: int = 0) -> tuple[ActorCritic, list[dict[str, float]]]:
-    net, config, notes = model(seed), ppo.Config(updates=updates, steps=8, lr=5e-3), list[dict[str, float]]()
-    ppo.learn(Reach(32, seed), net, config, ppo.adam(net, config.lr), 0, lambda _, scalars: notes.append(scalars))
+    net, config, notes = model(seed), ppo.PPOConfig(updates=updates, steps=8, lr=5e-3), list[dict[str, float]]()
+    ppo.train(Reach(32, seed), net, config, ppo.make_optimizer(net, config.lr), 0, lambda _, scalars: notes.append(scalars))
     return net, notes
 
 
@@ -62,13 +62,13 @@ def test_advantages_are_what_the_definition_says(seed: int) -> None:
                 weight *= gamma * lam
                 if ended[k, env]:
                     break
-    np.testing.assert_allclose(advantages(reward, value, after, terminated, ended, gamma, lam), expected, atol=1e-12)
+    np.testing.assert_allclose(gae(reward, value, after, terminated, ended, gamma, lam), expected, atol=1e-12)
 
 
 def test_the_last_value_counts_after_a_time_limit_and_not_after_an_end() -> None:
     """One step, value 0, what follows is worth 10."""
     one = np.ones((1, 1))
-    told = [advantages(one, 0 * one, 10 * one, np.array([[end]]), np.array([[True]]), 0.5, 1.0)[0, 0] for end in (True, False)]
+    told = [gae(one, 0 * one, 10 * one, np.array([[end]]), np.array([[True]]), 0.5, 1.0)[0, 0] for end in (True, False)]
     assert told == [1.0, 6.0]
 
 
@@ -89,9 +89,9 @@ def test_same_seed_same_weights() -> None:
 
 def test_the_first_ratio_is_one() -> None:
     """Before an update nothing has moved: no divergence, and an entropy that is that of the Gaussian."""
-    net, config = model(), ppo.Config(steps=4)
+    net, config = model(), ppo.PPOConfig(steps=4)
     envs = Reach(8, 0)
-    rollout, _ = ppo.collect(envs, net, envs.reset(), config)
+    rollout, _ = ppo.collect_rollout(envs, net, envs.reset(), config)
     _, _, scalars = ppo.losses(net, rollout, torch.arange(len(rollout.action)), config)
     assert abs(scalars["kl"]) < 1e-6
     assert scalars["entropy"] == pytest.approx(0.5 * np.log(2 * np.pi * np.e * net.config.std**2), abs=1e-4)
@@ -100,10 +100,10 @@ def test_the_first_ratio_is_one() -> None:
 def test_the_policy_stops_when_it_has_moved_too_far() -> None:
     """With a tiny bound only the first step of the first pass changes it, while the critic goes on; without one all passes do."""
     for bound, expected in ((1e-9, 0.0), (0.0, 5.0)):
-        net, config = model(), ppo.Config(steps=4, target_kl=bound, epochs=5, lr=0.05)
+        net, config = model(), ppo.PPOConfig(steps=4, target_kl=bound, epochs=5, lr=0.05)
         envs, before = Reach(8, 0), model()
-        rollout, _ = ppo.collect(envs, net, envs.reset(), config)
-        assert ppo.improve(net, ppo.adam(net, config.lr), rollout, config)["epochs"] == expected
+        rollout, _ = ppo.collect_rollout(envs, net, envs.reset(), config)
+        assert ppo.update(net, ppo.make_optimizer(net, config.lr), rollout, config)["epochs"] == expected
         actor, critic = (max(float((now - then).detach().abs().max()) for now, then in zip(part(net), part(before), strict=True))
                          for part in (lambda m: m.actor.parameters(), lambda m: m.critic.parameters()))  # fmt: skip
         assert actor <= 0.051 if bound else actor > 0.1
@@ -114,7 +114,7 @@ def test_the_policy_stops_when_it_has_moved_too_far() -> None:
 def test_running_moments_are_those_of_all_rows(sizes: tuple[int, ...]) -> None:
     """In whatever portions they come."""
     parts = [torch.randn(n, 3, generator=torch.Generator().manual_seed(n)) * 4 + 2 for n in sizes]
-    running = Running(3)
+    running = RunningMeanStd(3)
     for part in parts:
         running.update(part)
     rows = torch.cat(parts).double()
@@ -124,7 +124,7 @@ def test_running_moments_are_those_of_all_rows(sizes: tuple[int, ...]) -> None:
 
 def test_the_paper_has_these_widths() -> None:
     """1024-1024-512-512 with ELU, spread 0.8, first actions near zero (AffordDex)."""
-    net = ActorCritic(paper(300, 24))
+    net = ActorCritic(paper_config(300, 24))
     assert [layer.out_features for layer in net.actor if isinstance(layer, torch.nn.Linear)] == [1024, 1024, 512, 512, 24]
     chosen = net.actions(torch.randn(16, 300))
     assert chosen.mean.abs().max() < 0.2 and torch.allclose(chosen.stddev, torch.tensor(0.8))

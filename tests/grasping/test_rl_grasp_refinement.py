@@ -7,19 +7,21 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import torch
 
 from afford.common.files import tree
-from afford.grasping.env.config import Config
-from afford.grasping.env.observe import blocks, slices
-from afford.grasping.policies import refine
-from afford.grasping.policies.acting import load, prior_columns
-from afford.grasping.policies.residual import OverBase, Prior
-from afford.grasping.rl import ppo, saved
-from afford.grasping.rl.policy import ActorCritic, PolicyConfig
+from afford.grasping.env.config import GraspEnvConfig
+from afford.grasping.env.obs_blocks import block_slices, obs_blocks
+from afford.grasping.env.step_result import StepResult
+from afford.grasping.policies import train_teacher
+from afford.grasping.policies.load_policy import load_policy, prior_columns
+from afford.grasping.policies.train_teacher import FrozenPrior, ResidualEnv
+from afford.grasping.rl import policy_files, ppo
+from afford.grasping.rl.ppo import ActorCritic, PolicyConfig
 from schemas.grasp import GraspTask
 from schemas.training import Trained
 from stages.grasping import rl_grasp_refinement as stage
@@ -29,20 +31,20 @@ from tests.helpers.made_hands import shadow
 PARAMS = stage.Params(updates=3, worlds=2, base="none", steps=4, epochs=2)
 
 
-class Noting:
-    """Environments that show random numbers and keep what is done."""
+class RecordingEnvs:
+    """Vector environment with random observations, which records its actions."""
 
     def __init__(self, width: int) -> None:
-        self.shown = np.random.default_rng(0).normal(size=(9, 2, width)).astype(np.float32)
-        self.done: list[np.ndarray] = []
+        self.obs = np.random.default_rng(0).normal(size=(9, 2, width)).astype(np.float32)
+        self.actions: list[np.ndarray] = []
 
-    def reset(self) -> np.ndarray:
-        return self.shown[0]
+    def reset(self, seed: int) -> tuple[np.ndarray, dict[str, Any]]:
+        return self.obs[0], {}
 
-    def step(self, action: np.ndarray) -> ppo.Moved:
-        self.done.append(action)
-        seen, no = self.shown[len(self.done)], np.zeros(2, bool)
-        return ppo.Moved(seen, seen, np.zeros(2), no, no, {})
+    def advance(self, action: np.ndarray) -> StepResult:
+        self.actions.append(action)
+        obs, no = self.obs[len(self.actions)], np.zeros(2, bool)
+        return StepResult(np.zeros(2), no, no, obs=obs, final_obs=obs)
 
 
 class Run:
@@ -57,11 +59,11 @@ class Run:
             raise KeyboardInterrupt
 
 
-def prior(seed: int = 0) -> Prior:
+def prior(seed: int = 0) -> FrozenPrior:
     torch.manual_seed(seed)
     model = ActorCritic(PolicyConfig(len(prior_columns("small", "teacher")), 24, (8,)))
     torch.nn.init.normal_(model.actor[-1].weight, std=0.3)
-    return Prior(model, "small")
+    return FrozenPrior(model, "small")
 
 
 def grasp_task() -> GraspTask:
@@ -78,48 +80,46 @@ def content(made: Trained) -> dict[str, str]:
     return {file.name: file.digest for file in made.files.files}
 
 
-def test_what_acts_is_the_sum_within_bounds() -> None:
-    """Each of the two is within -1..1 before it is added, the sum after; without a prior the action alone."""
-    whole = blocks("small", "teacher")
-    first, envs = prior(), Noting(sum(block.width for block in whole))
-    over, added = OverBase(envs, first), np.full((2, 24), 0.5)
-    over.reset()
-    over.step(added)
-    over.step(3 * added)
-    for step, wanted in enumerate((added, np.ones((2, 24)))):
-        np.testing.assert_allclose(envs.done[step], (first.act(envs.shown[step]) + wanted).clip(-1, 1))
-    alone = Noting(3)
-    OverBase(alone, None).step(4 * added)
-    assert (alone.done[0] == 1).all()
+def test_residual_actions_are_added_within_bounds() -> None:
+    """Prior and residual are each within -1..1 before they are added, and so is their sum."""
+    whole = obs_blocks("small", "teacher")
+    first, envs = prior(), RecordingEnvs(sum(block.width for block in whole))
+    residual, added = ResidualEnv(envs, first, seed=0), np.full((2, 24), 0.5)  # type: ignore[arg-type]  # only what it calls
+    residual.reset()
+    residual.step(added)
+    residual.step(3 * added)
+    for step, clipped in enumerate((added, np.ones((2, 24)))):
+        np.testing.assert_allclose(envs.actions[step], (first.act(envs.obs[step]) + clipped).clip(-1, 1))
 
 
 def test_a_prior_sees_no_negative_points() -> None:
     """Its columns are those of R, O and P; what stands in N does not change what it does."""
-    at, first = slices(blocks("small", "teacher")), prior()
-    one = np.random.default_rng(0).normal(size=(3, sum(block.width for block in blocks("small", "teacher")))).astype(np.float32)
+    at, first = block_slices(obs_blocks("small", "teacher")), prior()
+    one = np.random.default_rng(0).normal(size=(3, sum(block.width for block in obs_blocks("small", "teacher")))).astype(np.float32)
     other = one.copy()
     other[:, at["negative"].start :] += 1
     assert (first.act(one) == first.act(other)).all()
-    with pytest.raises(ValueError, match="140 numbers of layout small"):
-        Prior(ActorCritic(PolicyConfig(7, 24, (8,))), "small")
+    with pytest.raises(ValueError, match=r"width 140 \(layout small"):
+        FrozenPrior(ActorCritic(PolicyConfig(7, 24, (8,))), "small")
 
 
 def test_training_leaves_the_prior_as_it_was(tmp_path: Path) -> None:
     """To the bit, also as it is written into the teacher's folder; the teacher itself has changed."""
     first, before = prior(), {name: tensor.clone() for name, tensor in prior().model.state_dict().items()}
-    plan = refine.Plan(0, 2, "small", 0.1, 0.3, ppo.Config(updates=2, steps=3, epochs=2))
-    config = Config(base="none", start="anywhere", steps=3, reward="dense")
-    model, state = refine.train(shadow(), [held_by_handle()], first, config, plan, tmp_path, lambda done, total: None)
-    policy = load(tree("t", refine.write(tmp_path, model, first, config, 0)), {})
+    plan = train_teacher.TeacherTrainingConfig(0, 2, "small", 0.1, 0.3, ppo.PPOConfig(updates=2, steps=3, epochs=2))
+    config = GraspEnvConfig(base="none", start="anywhere", steps=3, reward="dense")
+    model, state = train_teacher.train_teacher(shadow(), [held_by_handle()], first, config, plan, tmp_path,
+                                               lambda done, total: None)  # fmt: skip
+    policy = load_policy(tree("t", train_teacher.export_teacher(tmp_path, model, first, config, 0)), {})
     assert policy.prior is not None and policy.teacher is not None and state.step == 2
     assert all(torch.equal(before[name], tensor) for name, tensor in policy.prior.state_dict().items())
-    untrained = refine.made(plan, model.config.observation, 24).state_dict()
+    untrained = train_teacher.new_teacher(plan, model.config.observation, 24).state_dict()
     assert not torch.equal(untrained["actor.0.weight"], policy.teacher.state_dict()["actor.0.weight"])
 
 
 def test_killed_it_ends_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Within the second section of three; the same bytes as without; another seed gives others."""
-    monkeypatch.setattr(refine, "SECTION", 1)
+    monkeypatch.setattr(train_teacher, "SECTION", 1)
     whole = content(trained(tmp_path / "whole"))
     with pytest.raises(KeyboardInterrupt):
         trained(tmp_path / "killed", dies_at=2)
@@ -130,15 +130,15 @@ def test_killed_it_ends_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 def test_what_it_leaves(tmp_path: Path) -> None:
     """A policy that can be run again, with what must be known of its environment, and curves of every update."""
     made = trained(tmp_path / "run", lambda_n=0.0)
-    policy = load(made.files, {})
+    policy = load_policy(made.files, {})
     assert policy.teacher is not None and policy.prior is None
-    config = policy.config("bullet", Config().physics, "flat", 0.0)
+    config = policy.config("bullet", GraspEnvConfig().physics, "flat", 0.0)
     assert (config.base, config.start, config.steps, config.reward) == ("none", "anywhere", 4, "dense")
     assert config.weights["negative_near"] == 0
     curves = {curve.name: curve for curve in made.log.curves}
     assert {"train.success", "train.as_violation_pct", "train.reward/gripped_goal", "train.kl", "train.std"} <= set(curves)
     assert curves["train.kl"].step.tolist() == [1, 2, 3] and made.log.steps == 3
-    facts = json.loads(next(file for file in made.files.files if file.name == saved.CONFIG).path.read_text())["facts"]
+    facts = json.loads(next(file for file in made.files.files if file.name == policy_files.CONFIG).path.read_text())["facts"]
     assert facts["role"] == "teacher" and facts["seed"] == 0
 
 
@@ -151,4 +151,5 @@ def test_what_cannot_be_is_said(tmp_path: Path, wrong: Callable[[Path], Trained]
 
 
 def test_every_task_has_a_world() -> None:
-    assert stage._plan(stage.Params(worlds=2), 5).worlds == 5 and stage._plan(stage.Params(worlds=6), 5).worlds == 6
+    for worlds, expected in ((2, 5), (6, 6)):
+        assert stage._training_config(stage.Params(worlds=worlds), 5).worlds == expected

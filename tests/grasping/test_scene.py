@@ -1,4 +1,4 @@
-"""Scenes: what physics may be, how it varies between worlds, which finger a link is of."""
+"""Scenes: parameters of physics, domain randomization, fingers of links."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from tests.helpers.made_hands import shadow
 from tests.helpers.made_scenes import scene
 
 
-def test_a_seed_draws_a_scene() -> None:
-    """The same again, others for other seeds; every number within its range, and the ranges are used."""
+def test_randomize_physics() -> None:
+    """A seed gives the same scene; all values are within their ranges and use them."""
     base = scene()
     assert randomize_physics(base, 5).physics == randomize_physics(base, 5).physics
     drawn = [randomize_physics(base, seed).physics for seed in range(200)]
@@ -25,34 +25,34 @@ def test_a_seed_draws_a_scene() -> None:
     assert {physics.rate_hz for physics in drawn} == {base.physics.rate_hz}
 
 
-def test_scales_are_even_in_the_logarithm() -> None:
-    """Half of the draws between a half and two are below one."""
+def test_log_uniform_scales() -> None:
+    """Half of the draws between 0.5 and 2 are below 1."""
     rng = np.random.default_rng(0)
     drawn = np.array([Range(0.5, 2.0, "log").draw(rng) for _ in range(2000)])
     assert np.mean(drawn < 1) == pytest.approx(0.5, abs=0.04)
 
 
-def test_a_draw_of_one_number_does_not_depend_on_order() -> None:
-    """Of the same names in another order: the same scene."""
+def test_draws_do_not_depend_on_the_order_of_names() -> None:
+    """Reversed ranges give the same scene."""
     turned = dict(reversed(list(DOMAIN_RANDOMIZATION.items())))
     assert randomize_physics(scene(), 3, turned).physics == randomize_physics(scene(), 3).physics
 
 
-def test_sensing_is_drawn_within_bounds() -> None:
-    """Latency 0 or 1."""
+def test_bounds_of_latency() -> None:
+    """Latency is 0 or 1."""
     assert {sensing(seed).latency_steps for seed in range(50)} == {0, 1}
 
 
-def test_links_know_their_finger() -> None:
-    """The little finger's metacarpal is of the little finger; the palm and the gantry are of none."""
+def test_finger_of_link() -> None:
+    """The little finger's metacarpal belongs to the little finger; palm and gantry belong to no finger."""
     hand, found = shadow(), finger_of_link(shadow())
     at = {name: int(found[k]) for k, name in enumerate(hand.links)}
     assert [at["thdistal"], at["thbase"], at["ffknuckle"], at["lfmetacarpal"]] == [0, 0, 1, 4]
     assert at["palm"] == at["gantry"] == 5
 
 
-def test_what_no_world_can_have_is_refused() -> None:
-    """No time, no mass, no friction below nothing; a field that physics lacks; a distribution that is not known; a free hand."""
+def test_invalid_physics_is_rejected() -> None:
+    """Zero rate or mass, negative friction, NaN, unknown fields and distributions, and a free hand."""
     base = scene()
     for name, number in (("rate_hz", 0), ("mass_scale", 0.0), ("hand_friction", -0.1), ("response_s", float("nan"))):
         with pytest.raises(ValueError, match=f"Physics.{name}"):

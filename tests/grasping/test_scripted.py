@@ -1,4 +1,4 @@
-"""The grasp by script: tools that lie on the table are in the air at the end, in both engines, under strict physics."""
+"""Scripted grasps: tools on the table are lifted in both engines under strict physics."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def handle(body: GraspObject) -> int:
 @pytest.mark.parametrize("engine", sorted(BACKENDS))
 @pytest.mark.parametrize(("category", "seed"), TOOLS)
 def test_tools_are_lifted(engine: str, category: str, seed: int) -> None:
-    """Held 15 cm up within 5 cm, and no deeper in the hand than a few millimetres: median 1.2 mm, p95 5 mm."""
+    """Held 15 cm up within 5 cm; penetration at most 1.2 mm (median) and 5 mm (p95)."""
     body = tool(category, seed)
     scene = strict(body)
     made = make_world(engine, scene)
@@ -58,8 +58,8 @@ def test_tools_are_lifted(engine: str, category: str, seed: int) -> None:
     assert deep[1] < 5.0
 
 
-def test_a_turned_and_moved_tool_is_grasped_the_same() -> None:
-    """The script goes by the object, not by the table: turned by 70 degrees and put aside, it is held as well."""
+def test_a_rotated_tool_is_lifted() -> None:
+    """The script follows the object's pose: rotated by 70 degrees and shifted, it is held as well."""
     body = tool("screwdriver", 12)
     scene = strict(body)
     made = make_world("mujoco", scene)
@@ -68,8 +68,8 @@ def test_a_turned_and_moved_tool_is_grasped_the_same() -> None:
     made.close()
 
 
-def test_without_friction_nothing_is_held() -> None:
-    """The test of holding can fail: a slippery hand loses it."""
+def test_a_hand_without_friction_holds_nothing() -> None:
+    """The test of holding can fail."""
     body = tool("screwdriver", 12)
     scene = Scene(shadow(), body, replace(STRICT, hand_friction=0.0))
     made = make_world("mujoco", scene)
@@ -78,7 +78,7 @@ def test_without_friction_nothing_is_held() -> None:
 
 
 def test_commands_stay_within_the_hand_and_are_smooth() -> None:
-    """34 commands; no wrist moves faster than 0.6 m/s; the start is above, and its palm where the grip says."""
+    """34 commands, wrist speed below 0.6 m/s, and a start above the aim."""
     body = tool("hammer", 12)
     scene = strict(body)
     u = np.array(list(grasp_commands(scene, aim_at_part(scene, at(), handle(body)), GRASP)))
@@ -94,8 +94,8 @@ def test_commands_stay_within_the_hand_and_are_smooth() -> None:
     assert grip[:2] == pytest.approx(aim_at_part(scene, at(), handle(body)).place[:2], abs=1e-9)
 
 
-def test_the_aim_is_on_the_part_towards_the_centre_of_mass() -> None:
-    """On a hammer's handle, nearer to the head than its middle, and not within 4 cm of its end."""
+def test_aim_at_a_part() -> None:
+    """The aim is on a hammer's handle, nearer to the head than its middle, and 4 cm from its end."""
     body = tool("hammer", 12)
     place, yaw = aim_at_part(strict(body), at(), handle(body))
     spots = body.points[body.point_part == handle(body)]
@@ -103,7 +103,7 @@ def test_the_aim_is_on_the_part_towards_the_centre_of_mass() -> None:
     assert np.sin(yaw) == pytest.approx(1.0, abs=0.02)
 
 
-def test_a_place_along_the_object_knows_nothing_of_parts() -> None:
+def test_aim_along_the_axis() -> None:
     body = tool("hammer", 12)
     scene = strict(body)
     turned = Rotation.from_euler("z", 2.0)

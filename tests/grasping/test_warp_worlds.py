@@ -1,4 +1,4 @@
-"""Worlds on mujoco-warp are MuJoCo's, to what 32 bits leave of them. On the CPU; skipped where the extra `gpu` is not installed."""
+"""Warp worlds agree with MuJoCo up to 32-bit precision; on the CPU, skipped without the extra `gpu`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 
 from afford.common.registry import extra
 from afford.grasping.env.env import AffordanceGraspVector
-from afford.grasping.env.task import task
+from afford.grasping.env.task import make_task
 from afford.grasping.sim.engine import State
 from afford.grasping.sim.scene import Scene, randomize_physics
 from afford.grasping.sim.worlds import ThreadWorlds, world_batch
@@ -24,12 +24,12 @@ there = pytest.mark.skipif(not (importlib.util.find_spec("mujoco_warp") and impo
 
 
 def scenes() -> list[Scene]:
-    """Two objects in turn, other physics in each: every batched field differs."""
+    """Two objects in turn with different physics: every batched field differs."""
     return [randomize_physics(scene(block()), 1), scene(tool()), randomize_physics(scene(block()), 2)]
 
 
 def closing(k: int) -> np.ndarray:
-    """(24,) fingers that close on the block."""
+    """Return (24,) commands of fingers that close on the block."""
     u = commands(above_block())
     u[[7, 8, 10, 11, 13, 14, 17, 18]] = 0.15 + 0.9 * min(1.0, k / 8)
     u[20] = 1.15 * min(1.0, k / 8)
@@ -40,9 +40,9 @@ def same(one: State, two: State) -> bool:
     return all(np.array_equal(getattr(one, f.name), getattr(two, f.name)) for f in fields(State))
 
 
-def test_what_is_missing_or_impossible_is_told() -> None:
-    """How to install the extra; which engine has a device; that there is nothing to spread."""
-    with pytest.raises(ValueError, match="no_such: expected this package of the extra `gpu`, got none; make setup EXTRA=gpu"):
+def test_missing_extra_and_invalid_options() -> None:
+    """Errors name the extra, engines with a device, and options of warp."""
+    with pytest.raises(ValueError, match="no_such is not installed; run `make setup EXTRA=gpu`"):
         extra("no_such", "gpu")
     with pytest.raises(ValueError, match="device: expected cpu with the engine mujoco"):
         world_batch("mujoco", scenes(), device="cuda")
@@ -53,8 +53,9 @@ def test_what_is_missing_or_impossible_is_told() -> None:
 @there
 @pytest.mark.slow
 def test_closing_fingers_are_those_of_mujoco() -> None:
-    """Two objects and three sets of physics in a batch: before and while they touch (12 control steps) joints agree to 0.1 mrad,
-    objects to 2 mm, and what is pressed on is the same; the same commands give the same bits, also after `restore`.
+    """Joints agree to 0.1 mrad, objects to 2 mm, and contacts are on the same parts, over 12 control steps.
+
+    The same commands give the same bits, also after `restore`.
     """
     one, two = ThreadWorlds("mujoco", scenes()), world_batch("warp", scenes())
     q, body = np.tile(above_block(), (3, 1)), np.stack([at(), at(), at()])
@@ -86,7 +87,7 @@ def test_closing_fingers_are_those_of_mujoco() -> None:
 @there
 @pytest.mark.slow
 def test_pushes_resets_and_bad_commands() -> None:
-    """A push gives its impulse to the worlds it is meant for; a reset leaves others where they are; what is wrong is refused."""
+    """A push acts on its own world, a reset leaves the others, and invalid commands are rejected."""
     made = world_batch("warp", [scene(gravity_m_s2=0.0)] * 3)
     made.reset(np.tile(away(), (3, 1)), np.tile(at(z=0.5), (3, 1)))
     made.push(np.array([[0.5, 0.0, 0.0]]), 0.075, [1])
@@ -107,10 +108,10 @@ def test_pushes_resets_and_bad_commands() -> None:
 @there
 @pytest.mark.slow
 def test_a_scripted_grasp_is_held_in_both() -> None:
-    """In the environment, no actions over the script: the same fall of events, and the tool at its goal at the end."""
+    """Episodes in the environment without actions agree, and the tool ends at its goal."""
     ends = {}
     for engine in ("mujoco", "warp"):
-        made = AffordanceGraspVector(2, shadow(), [task(tool(), ["shaft"])], engine=engine, base="script")
+        made = AffordanceGraspVector(2, shadow(), [make_task(tool(), ["shaft"])], engine=engine, base="script")
         made.reset(seed=0)
         rows = [made._core.state().body]
         for _ in range(39):

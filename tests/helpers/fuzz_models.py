@@ -17,14 +17,14 @@ from safetensors.torch import save_file
 
 from afford.common.errors import SourceError
 from afford.common.image_files import read_depth, read_image
-from afford.extraction.hands import network as hands_files
-from afford.extraction.hands.network import Hands, HandsConfig
+from afford.extraction.hands import network as hand_network
+from afford.extraction.hands.network import HandFinder, HandFinderConfig
 from afford.grasping.candidates.read_scene import read_mask
 from afford.models.tensor_files import read_tensors
-from afford.rgbd.model import vgg
-from afford.rgbd.model.encoder import CONVOLUTIONS, Encoder
+from afford.rgbd.model import checkpoint
+from afford.rgbd.model.layers import CONVOLUTIONS, Encoder
 from afford.rgbd.readers import Umd, iit_aff, umd
-from afford.rgbd.readers.static_set import Listed
+from afford.rgbd.readers.static_set import PictureEntry
 from afford.twohands.model.published import read_weights
 from schemas.interaction import StaticSample
 from tests.helpers import made_interactions
@@ -94,7 +94,7 @@ def write_vgg(folder: Path, zipped: bool) -> Path:
     """Weights under the names of a VGG16, in the small encoder's shapes."""
     befores = [3, *(width for width, count in zip(WIDTHS, CONVOLUTIONS, strict=True) for _ in range(count))]
     found = {}
-    for number, before, after in zip(vgg.LAYERS, befores, befores[1:], strict=False):
+    for number, before, after in zip(checkpoint.LAYERS, befores, befores[1:], strict=False):
         found |= {f"features.{number}.weight": torch.ones(after, before, 3, 3), f"features.{number}.bias": torch.ones(after)}
     torch.save(found, folder / "vgg16.pth", _use_new_zipfile_serialization=zipped)
     return folder / "vgg16.pth"
@@ -102,11 +102,11 @@ def write_vgg(folder: Path, zipped: bool) -> Path:
 
 def write_config(folder: Path) -> Path:
     """A small trained finder of hands."""
-    model = Hands(HandsConfig(16, 16, (2, 3)))
-    described = {"format": hands_files.FORMAT, "height_px": 16, "width_px": 16, "widths": [2, 3]}
-    (folder / hands_files.CONFIG).write_text(json.dumps(described))
-    save_file({name: tensor.contiguous() for name, tensor in model.state_dict().items()}, folder / hands_files.WEIGHTS)
-    return folder / hands_files.CONFIG
+    model = HandFinder(HandFinderConfig(16, 16, (2, 3)))
+    described = {"format": hand_network.FORMAT, "height_px": 16, "width_px": 16, "widths": [2, 3]}
+    (folder / hand_network.CONFIG).write_text(json.dumps(described))
+    save_file({name: tensor.contiguous() for name, tensor in model.state_dict().items()}, folder / hand_network.WEIGHTS)
+    return folder / hand_network.CONFIG
 
 
 def write_umd(folder: Path, ending: str) -> Path:
@@ -123,7 +123,7 @@ def write_iit(folder: Path, where: str) -> Path:
     return folder / where
 
 
-def read_static(path: Path, listed: Callable[..., tuple[Listed, ...]], own: Umd | None = None) -> list[StaticSample]:
+def read_static(path: Path, listed: Callable[..., tuple[PictureEntry, ...]], own: Umd | None = None) -> list[StaticSample]:
     """Every picture of the root that a file is in; one that cannot be used is an error here."""
     root = next(parent for parent in path.parents if any((parent / name).is_dir() for name in ("tools", "affordances_labels")))
     return [one.read() for one in listed(made_interactions.folder(root), 16, 1, own)]
@@ -160,14 +160,14 @@ READERS: list[FuzzedReader] = [
     weights("published .bin", partial(write_published, zipped=True), read_weights),
     weights("published .bin of old", partial(write_published, zipped=False), read_weights),
     weights("published index", write_index, lambda path: read_weights(path.parent)),
-    weights("VGG .pth", partial(write_vgg, zipped=True), lambda path: vgg.fill(encoder(), path)),
-    weights("VGG .pth of old", partial(write_vgg, zipped=False), lambda path: vgg.fill(encoder(), path)),
-    weights("config of a finder", write_config, lambda path: hands_files.read(path.parent)),
-    source("UMD splits", partial(write_umd, ending="split.txt"), partial(read_static, listed=umd.listed, own=Umd())),
-    source("UMD .mat", partial(write_umd, ending=".mat"), partial(read_static, listed=umd.listed, own=Umd())),
-    source("UMD depth", partial(write_umd, ending=".png"), partial(read_static, listed=umd.listed, own=Umd())),
-    source("UMD picture", partial(write_umd, ending=".jpg"), partial(read_static, listed=umd.listed, own=Umd())),
-    *(source(f"IIT-AFF {where}", partial(write_iit, where=where), partial(read_static, listed=iit_aff.listed))
+    weights("VGG .pth", partial(write_vgg, zipped=True), lambda path: checkpoint.load_vgg16(encoder(), path)),
+    weights("VGG .pth of old", partial(write_vgg, zipped=False), lambda path: checkpoint.load_vgg16(encoder(), path)),
+    weights("config of a finder", write_config, lambda path: hand_network.read_network(path.parent)),
+    source("UMD splits", partial(write_umd, ending="split.txt"), partial(read_static, listed=umd.list_pictures, own=Umd())),
+    source("UMD .mat", partial(write_umd, ending=".mat"), partial(read_static, listed=umd.list_pictures, own=Umd())),
+    source("UMD depth", partial(write_umd, ending=".png"), partial(read_static, listed=umd.list_pictures, own=Umd())),
+    source("UMD picture", partial(write_umd, ending=".jpg"), partial(read_static, listed=umd.list_pictures, own=Umd())),
+    *(source(f"IIT-AFF {where}", partial(write_iit, where=where), partial(read_static, listed=iit_aff.list_pictures))
       for where in ("affordances_labels/a.txt", "depth/a.txt", "object_labels/a.txt", "val.txt")),
     *(source(f"picture to predict {ending}", partial(write_picture, ending=ending), read_image)
       for ending in (".png", ".jpg", ".webp", ".bmp", ".tiff")),
@@ -227,7 +227,7 @@ BOMBS: list[Bomb] = [
     Bomb("checkpoint of 32 million opcodes", many_opcodes, read_tensors, (ValueError,)),
     Bomb("checkpoint nested a million times", nested, read_tensors, (ValueError,)),
     Bomb("published checkpoint of 2.5 GB in 2 MiB", large_checkpoint, read_weights, (ValueError,)),
-    Bomb("VGG of 2.5 GB in 2 MiB", large_checkpoint, lambda path: vgg.fill(encoder(), path), (ValueError,)),
+    Bomb("VGG of 2.5 GB in 2 MiB", large_checkpoint, lambda path: checkpoint.load_vgg16(encoder(), path), (ValueError,)),
     Bomb("safetensors that state 2^60 bytes", written("model.safetensors", lambda: struct.pack("<Q", 1 << 60)), read_tensors,
          (ValueError,)),
     Bomb("npy that states 10^6 x 10^6", written("depth.npy", lambda: npy_header((10**6, 10**6))), read_depth, (SourceError,)),
@@ -235,5 +235,5 @@ BOMBS: list[Bomb] = [
          (SourceError,)),
     Bomb("picture of 30000 x 30000", written("one.png", lambda: black_png(30_000, 30_000)), read_image, (SourceError,)),
     *(Bomb(f"UMD label of 2.5 GB that states {stated} bytes", partial(large_label, stated=stated),
-           partial(read_static, listed=umd.listed, own=Umd()), (SourceError,)) for stated in (ZEROS, 1000)),
+           partial(read_static, listed=umd.list_pictures, own=Umd()), (SourceError,)) for stated in (ZEROS, 1000)),
 ]  # fmt: skip

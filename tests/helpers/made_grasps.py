@@ -8,7 +8,7 @@ import numpy as np
 
 from afford.grasping.env.env import AffordanceGrasp, AffordanceGraspVector
 from afford.grasping.env.measures import Measures
-from afford.grasping.env.task import Task, task
+from afford.grasping.env.task import Task, make_task
 from afford.grasping.hand.kinematics import forward_kinematics, points_on_links
 from afford.grasping.motion.retarget import smoothed_rate, twist
 from schemas.hand import HandModel, HandReference
@@ -20,7 +20,7 @@ from tests.helpers.made_scenes import tool
 def held_by_handle(category: str = "spatula", seed: int = 12) -> Task:
     """A tool of which only the handle may be touched."""
     body = tool(category, seed)
-    return task(body, [part for part in body.parts if part != "handle"])
+    return make_task(body, [part for part in body.parts if part != "handle"])
 
 
 def env(one: Task | None = None, **config: Any) -> AffordanceGrasp:
@@ -44,7 +44,7 @@ def measured(**given: Any) -> Measures:
 
 
 def reference(hand: HandModel, frames: int = 90, seed: int = 0) -> HandReference:
-    """A gentle motion of the hand itself, above the table, as if somebody had been retargeted."""
+    """Build a gentle motion of the hand above the table, in the form of a retargeted clip."""
     q = trajectory(hand, frames, seed, share=0.3)
     q[:, 2] += 0.6
     T, zero = forward_kinematics(hand.joints, q), np.zeros((len(hand.fingers.name), 3))

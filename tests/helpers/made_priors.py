@@ -5,8 +5,8 @@ from __future__ import annotations
 from functools import cache
 from typing import Any
 
-from afford.grasping.env.task import task
-from afford.grasping.imitation.rehearse import Rehearsal, Rehearsing
+from afford.grasping.env.task import make_task
+from afford.grasping.imitation.grasp_imitation_env import GraspImitationConfig, GraspImitationWorlds
 from maps.settings.grasping import FITTED, MOTION
 from schemas.hand import GraspTarget, ReferenceSet
 from stages.grasping import grasp_targets, hand_retarget, motion_report, motion_synthesise
@@ -31,6 +31,7 @@ def reference_set() -> ReferenceSet:
     return read_only(motion_report.run(tuple(clips), motion_report.Params()))
 
 
-def rehearsing(**config: Any) -> Rehearsing:
+def rehearsing(**config: Any) -> GraspImitationWorlds:
     """A world of each tool."""
-    return Rehearsing(shadow(), [task(tool(name)) for name in TOOLS], reference_set().references, Rehearsal(**config))
+    return GraspImitationWorlds(shadow(), [make_task(tool(name)) for name in TOOLS], reference_set().references,
+                                GraspImitationConfig(**config))  # fmt: skip

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from afford.rgbd.model.inputs import Seen
+from afford.rgbd.model.model_inputs import ModelInput
 from schemas.interaction import AFFORDANCES, BACKGROUND, InteractionClip, SceneFlow
 
 SIZE, FRAMES = 32, 4
 STILL = np.full(3, 128, np.uint8)
 
 
-def seen(seed: int, frames: int = FRAMES, size: int = SIZE) -> Seen:
+def seen(seed: int, frames: int = FRAMES, size: int = SIZE) -> ModelInput:
     """Noise of every kind."""
     rng = np.random.default_rng(seed)
-    return Seen(rng.integers(0, 255, (frames, size, size, 3)).astype(np.uint8),
+    return ModelInput(rng.integers(0, 255, (frames, size, size, 3)).astype(np.uint8),
                 rng.uniform(0.5, 1.0, (frames, size, size)).astype(np.float32),
                 rng.integers(0, 255, (max(frames - 1, 0), size, size, 3)).astype(np.uint8), STILL)  # fmt: skip
 

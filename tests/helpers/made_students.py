@@ -11,13 +11,13 @@ import torch
 import trimesh
 
 from afford.common.files import tree
-from afford.grasping.env.config import Config
-from afford.grasping.env.core import Grasping
-from afford.grasping.env.observe import blocks
-from afford.grasping.env.task import Task, task
-from afford.grasping.policies.acting import ENVIRONMENT
-from afford.grasping.rl import saved
-from afford.grasping.rl.policy import ActorCritic, PolicyConfig
+from afford.grasping.env.config import GraspEnvConfig
+from afford.grasping.env.grasp_worlds import GraspWorlds
+from afford.grasping.env.obs_blocks import obs_blocks
+from afford.grasping.env.task import Task, make_task
+from afford.grasping.policies.load_policy import ENVIRONMENT
+from afford.grasping.rl import policy_files
+from afford.grasping.rl.ppo import ActorCritic, PolicyConfig
 from schemas.files import FileTree
 from schemas.grasp import GraspObject
 from schemas.mesh import MeshParts
@@ -28,19 +28,19 @@ from tests.helpers.made_meshes import as_object
 from tests.helpers.made_scenes import FEW
 
 
-def worlds(*tasks: Task, seed: int = 0, **config: Any) -> Grasping:
+def worlds(*tasks: Task, seed: int = 0, **config: Any) -> GraspWorlds:
     """Episodes that have begun."""
-    core = Grasping(shadow(), tasks or (held_by_handle(), held_by_handle("screwdriver")), Config(**config))
+    core = GraspWorlds(shadow(), tasks or (held_by_handle(), held_by_handle("screwdriver")), GraspEnvConfig(**config))
     core.reset(range(len(core.tasks)), rngs(core, seed))
     return core
 
 
-def rngs(core: Grasping, seed: int = 0) -> list[np.random.Generator]:
+def rngs(core: GraspWorlds, seed: int = 0) -> list[np.random.Generator]:
     """One for each world."""
     return [np.random.default_rng([seed, k]) for k in range(len(core.tasks))]
 
 
-def put(core: Grasping, **state: np.ndarray) -> None:
+def put(core: GraspWorlds, **state: np.ndarray) -> None:
     """Some of the state as if the engine had said so."""
     core._state = replace(core.state(), **state)  # type: ignore[arg-type]  # fields of State
 
@@ -50,13 +50,14 @@ def crumb() -> Task:
     mesh = as_object(trimesh.creation.box((0.01, 0.01, 0.01)).apply_translation((0, 0, 0.005)).subdivide(), "crumb")
     upper = mesh.vertices[mesh.faces][:, :, 2].mean(axis=1) > 0.005
     body: GraspObject = object_solids.run(mesh, MeshParts("crumb", ("foot", "top"), upper.astype(np.int16)), FEW)
-    return task(body, ("top",))
+    return make_task(body, ("top",))
 
 
 def teacher(folder: Path, **facts: Any) -> FileTree:
     """The files of one that has learned nothing."""
     torch.manual_seed(0)
-    config = Config(**{"start": "anywhere", "base": "script", **facts})
-    width = sum(block.width for block in blocks(config.layout, "teacher"))
-    saved.write(folder, ActorCritic(PolicyConfig(width, 24, (16,))), {name: getattr(config, name) for name in ENVIRONMENT})
+    config = GraspEnvConfig(**{"start": "anywhere", "base": "script", **facts})
+    width = sum(block.width for block in obs_blocks(config.layout, "teacher"))
+    facts_ = {name: getattr(config, name) for name in ENVIRONMENT}
+    policy_files.write_policy(folder, ActorCritic(PolicyConfig(width, 24, (16,))), facts_)
     return tree("teacher", folder)

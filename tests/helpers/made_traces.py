@@ -7,11 +7,11 @@ from functools import cache
 
 import numpy as np
 
-from afford.grasping.env.config import Config
-from afford.grasping.env.core import Grasping
-from afford.grasping.env.evaluate import STEPWISE, Still, play
-from afford.grasping.env.metrics import MEANING
-from afford.grasping.env.task import of
+from afford.grasping.env.config import GraspEnvConfig
+from afford.grasping.env.grasp_worlds import GraspWorlds
+from afford.grasping.env.measures import METRICS
+from afford.grasping.env.rollout import STEPWISE, BaseOnly, rollout
+from afford.grasping.env.task import from_grasp_task
 from schemas.episodes import GraspEpisodes, GraspTrace
 from schemas.grasp import GraspTask
 from tests.helpers.made_hands import shadow
@@ -31,8 +31,8 @@ def hammer(category: str = "hammer", seed: int = 3, use: str = "drive a nail") -
 @cache
 def grasped(seed: int = 0, **told: object) -> tuple[GraspTrace, dict[str, float]]:
     """An episode of the script alone, and its figures; `told` are words of Config."""
-    core = Grasping(shadow(), (of(hammer()),), Config(**{"base": "script", **told}))  # type: ignore[arg-type]  # words of Config
-    played = play(core, Still(), [np.random.default_rng(seed)])
+    core = GraspWorlds(shadow(), (from_grasp_task(hammer()),), GraspEnvConfig(**{"base": "script", **told}))  # type: ignore[arg-type]  # words of Config
+    played = rollout(core, BaseOnly(), [np.random.default_rng(seed)])
     core.close()
     return played.trace(0, hammer().name, seed), {name: float(found[0]) for name, found in played.report.items()}
 
@@ -46,8 +46,8 @@ def thinned(trace: GraspTrace, every: int) -> GraspTrace:
 def episodes(count: int = 2, every: int = 4) -> GraspEpisodes:
     """Some of them, as one policy's; of their rows one in `every`, so that they are drawn soon."""
     found = [(thinned(trace, every), figures) for trace, figures in map(grasped, range(count))]
-    values = np.array([[figures[name] for name in MEANING] for _, figures in found])
+    values = np.array([[figures[name] for name in METRICS] for _, figures in found])
     return GraspEpisodes("script-train-mujoco", "script", "train", "mujoco", 0, tuple(trace.task for trace, _ in found),
-                         tuple(MEANING), values, np.stack([trace.penetration_m[1:] for trace, _ in found]),
+                         tuple(METRICS), values, np.stack([trace.penetration_m[1:] for trace, _ in found]),
                          tuple(trace for trace, _ in found))  # fmt: skip
 

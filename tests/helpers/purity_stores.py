@@ -38,7 +38,7 @@ from stages.rgbd import action_read, boxes_train, interaction_pack, static_evalu
 from stages.surface import mask_propose, mesh_read, mesh_texture, positive_affordance_projection, view_render
 from stages.synthetic import object_build, object_plan
 from stages.twohands import ablation_report, model_train
-from tests.grasping.test_grasp_compare import made_up, subject
+from tests.grasping.test_grasp_compare import comparison, subject
 from tests.helpers import made_sequences
 from tests.helpers.blocks import changed
 from tests.helpers.made_finder import FINDER
@@ -221,7 +221,7 @@ def from_masks(store: Path, folder: Path) -> None:
     hand = graph.add(hand_model.run, files=graph.leaf("hand", shadow_files()), params=hand_model.Params())
     tried = graph.add(grasp_compare.run, hand=hand, mesh=mesh, parts=parts, body=graph.leaf("body", body), descriptions=said,
                       model=model, params=grasp_compare.Params(("mujoco",), 1, places=8), ctx=graph.ctx)  # fmt: skip
-    every = graph.leaf("comparisons", (made_up("a", [1.0, 0.0]), made_up("b", [1.0, 1.0])))
+    every = graph.leaf("comparisons", (comparison("a", [1.0, 0.0]), comparison("b", [1.0, 1.0])))
     table = graph.add(grasp_compare_report.run, comparisons=every, params=grasp_compare_report.Params(), ctx=graph.ctx)
     graph.target("from_masks", grasps, seen, tried, table)
     run(store, "from_masks", graph)

@@ -9,7 +9,7 @@ import av
 import cv2
 import numpy as np
 
-from afford.rgbd.model import files
+from afford.rgbd.model import checkpoint
 from afford.rgbd.model.config import Sor3dConfig, row
 from afford.rgbd.model.model import build
 
@@ -20,7 +20,7 @@ CONFIG = Sor3dConfig(widths=(4, 4, 4, 8), size_px=SIZE)
 def write_model(folder: Path, row_name: str = "rgbd_attention_flow3d", seed: int = 0) -> Path:
     """Random weights, larger than new ones, so that every input tells."""
     model = build(row(replace(CONFIG), row_name), seed)
-    files.save(model, folder)
+    checkpoint.save_model(model, folder)
     return folder
 
 

@@ -11,14 +11,25 @@ import pytest
 import torch
 from torch.nn.functional import one_hot
 
-from afford.rgbd.boxes import BoxesParams
-from afford.rgbd.boxes.align import labels_inside, pasted, roi_align
-from afford.rgbd.boxes.losses import extents, losses
-from afford.rgbd.boxes.model import MOST, Boxes, Seen, build, load, overlap, painted, proposals
-from afford.rgbd.model import files
-from afford.rgbd.model.config import Sor3dConfig
+from afford.rgbd.detector import (
+    MAX_BOXES,
+    BoxDetector,
+    DetectorFeatures,
+    box_iou,
+    build,
+    detector_losses,
+    label_boxes,
+    labels_inside,
+    load,
+    nms_proposals,
+    paste_into_image,
+    paste_masks,
+    roi_align,
+)
+from afford.rgbd.model import checkpoint
+from afford.rgbd.model.config import BoxesParams, Sor3dConfig
+from afford.rgbd.model.model_inputs import TrainingBatch, last_frame, stack
 from afford.rgbd.model.predictor import sequence_of
-from afford.rgbd.model.sequence_batches import Learned, last, stack
 from afford.training.job import read_job
 from schemas.files import FileTree
 from schemas.interaction import BACKGROUND
@@ -49,7 +60,7 @@ def test_there_and_back() -> None:
     boxes = torch.tensor([[8, 4, 24, 20]]) / 32
     inside = labels_inside(label, boxes, 16)
     assert torch.equal(inside[0], label[0, 4:20, 8:24])
-    back, where = pasted(one_hot(inside, 10).permute(0, 3, 1, 2).float(), boxes, 32, 32)
+    back, where = paste_into_image(one_hot(inside, 10).permute(0, 3, 1, 2).float(), boxes, 32, 32)
     assert torch.equal(back.argmax(1)[where], label[0, 4:20, 8:24].flatten()) and int(where.sum()) == 256
     assert where[0, 4:20, 8:24].all()
 
@@ -58,7 +69,7 @@ def test_extents_have_a_margin() -> None:
     """Of 8 x 16 px a tenth more on each side; a picture without affordances has none."""
     label = torch.full((2, 32, 32), BACKGROUND)
     label[0, 8:16, 4:20] = 2
-    boxes, known = extents(label)
+    boxes, known = label_boxes(label)
     assert torch.allclose(32 * boxes[0], torch.tensor([4 - 1.6, 8 - 0.8, 20 + 1.6, 16 + 0.8])) and known.tolist() == [True, False]
 
 
@@ -68,11 +79,11 @@ def test_proposals_are_the_likeliest_that_do_not_overlap() -> None:
     shown = boxes.T[None, :, None]
 
     def found(chance: list[float]) -> list[list[float]]:
-        return proposals(Seen(torch.zeros(1), torch.tensor(chance).logit()[None, None], shown), 0).tolist()
+        return nms_proposals(DetectorFeatures(torch.zeros(1), torch.tensor(chance).logit()[None, None], shown), 0).tolist()
 
     assert found([0.9, 0.8, 0.7, 0.4]) == boxes[[0, 2]].tolist()
-    assert found([0.1, 0.2, 0.15, 0.1]) == boxes[[1]].tolist() and MOST > 1
-    assert float(overlap(boxes[0], boxes[1])) == pytest.approx(0.38 / 0.42, abs=1e-5)
+    assert found([0.1, 0.2, 0.15, 0.1]) == boxes[[1]].tolist() and MAX_BOXES > 1
+    assert float(box_iou(boxes[0], boxes[1])) == pytest.approx(0.38 / 0.42, abs=1e-5)
 
 
 def test_outside_of_boxes_is_background() -> None:
@@ -81,7 +92,7 @@ def test_outside_of_boxes_is_background() -> None:
     features = torch.rand(1, 16, 8, 8)
     boxes = torch.tensor([[0.0, 0.0, 0.5, 0.5], [0.25, 0.25, 1.0, 0.75]])
     with torch.inference_mode():
-        both, first = (painted(model, features, some, (32, 32)) for some in (boxes, boxes[:1]))
+        both, first = (paste_masks(model, features, some, (32, 32)) for some in (boxes, boxes[:1]))
     assert torch.allclose(both.sum(0), torch.ones(32, 32), atol=1e-5)
     assert torch.allclose(both[:, :16, :16], first[:, :16, :16], atol=1e-5) and (first[BACKGROUND, 16:] == 1).all()
     assert (both[BACKGROUND, 20, 12] < 1) and (both[BACKGROUND, 24:] == 1).all()
@@ -93,7 +104,7 @@ def test_it_learns_boxes_and_masks() -> None:
     optimiser = torch.optim.Adam(model.parameters(), 4e-3)
     for _ in range(120):
         optimiser.zero_grad()
-        losses(model, model(batch.groups[0]), batch.label)["total"].backward()
+        detector_losses(model, model(batch.groups[0]), batch.label)["total"].backward()
         optimiser.step()
     for told in (False, True):
         assert _iou(model.eval(), batch, told) > 0.75
@@ -102,7 +113,7 @@ def test_it_learns_boxes_and_masks() -> None:
 def test_nothing_to_learn_is_no_nan() -> None:
     """A batch without affordances has a finite loss, and no loss of boxes and masks."""
     model, batch = build(CONFIG, 1), _eight()
-    found = losses(model, model(batch.groups[0]), torch.full_like(batch.label, BACKGROUND))
+    found = detector_losses(model, model(batch.groups[0]), torch.full_like(batch.label, BACKGROUND))
     assert torch.isfinite(found["total"]) and found["box"] == found["mask"] == 0
 
 
@@ -138,21 +149,21 @@ def test_scored_as_the_other_model_is(trained: Trained, tmp_path: Path) -> None:
         found = static_evaluate.run(clips, trained.files, params, Scratch(tmp_path / str(told)))
         assert 0 <= json.loads(found.find("metrics.json").path.read_text())["iou"] <= 1
     folder = trained.files.find("model/config.json").path.parent
-    assert isinstance(load(folder), Boxes)
+    assert isinstance(load(folder), BoxDetector)
     with pytest.raises(ValueError, match="afford-sor3d-1"):
-        files.load(folder)
+        checkpoint.load_model(folder)
 
 
-def _eight() -> Learned:
+def _eight() -> TrainingBatch:
     """Eight last frames of a bright square."""
-    return stack([[last(sequence_of(interaction(n, "train")[0], None, "none")) for n in range(8)]], CONFIG)
+    return stack([[last_frame(sequence_of(interaction(n, "train")[0], None, "none")) for n in range(8)]], CONFIG)
 
 
-def _iou(model: Boxes, batch: Learned, told: bool) -> float:
+def _iou(model: BoxDetector, batch: TrainingBatch, told: bool) -> float:
     with torch.inference_mode():
         found = model(batch.groups[0])
-        boxes = [extents(batch.label)[0][n : n + 1] if told else proposals(found, n) for n in range(8)]
-        said = torch.stack([painted(model, found.features[n : n + 1], boxes[n], (SIZE, SIZE)).argmax(0) for n in range(8)])
+        boxes = [label_boxes(batch.label)[0][n : n + 1] if told else nms_proposals(found, n) for n in range(8)]
+        said = torch.stack([paste_masks(model, found.features[n : n + 1], boxes[n], (SIZE, SIZE)).argmax(0) for n in range(8)])
     on, true = said != BACKGROUND, batch.label != BACKGROUND
     return float((on & true).sum() / (on | true).sum())
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from afford.common.errors import SourceError
 from afford.dataset.sor3d_layout import colour_label, discover_sequences, label_of_colours, read_views, write_sequence, write_views
-from afford.rgbd.readers.sampling import slots
+from afford.rgbd.readers.sor3d import sample_slots
 from schemas.interaction import AFFORDANCES, BACKGROUND, COLOURS_BGR
 from stages.rgbd import interaction_read
 from tests.helpers.made_interactions import clip, digest
@@ -47,7 +47,7 @@ def test_what_is_written_is_read(tmp_path_factory, affordance, seed, height, wid
 @given(st.integers(1, 400))
 def test_ten_frames_end_with_the_last(count: int) -> None:
     """Of any number; in order, evenly, black ones in front only."""
-    found = slots(count)
+    found = sample_slots(count)
     real = [k for k in found if k >= 0]
     assert len(found) == 10 and found[-1] == count - 1
     assert found == [-1] * (10 - len(real)) + real
@@ -61,7 +61,7 @@ def test_frames_are_those_of_the_released_code(count: int) -> None:
     skip = count - 20 if step == 1 else count % step
     taken = [k for k in range(1, count + 1) if k > skip and (k - skip) % step == 0]
     filled = [0] * (20 - len(taken)) + taken
-    assert slots(count) == [k - 1 for k in filled[1::2]]
+    assert sample_slots(count) == [k - 1 for k in filled[1::2]]
 
 
 def test_colours_are_those_of_the_released_code() -> None:

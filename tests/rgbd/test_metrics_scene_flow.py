@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from afford.rgbd.evaluate.flow_metrics import end_point_error, moves
+from afford.rgbd.scene_flow.metrics import end_point_error, moving_mask
 
 
 def test_by_hand() -> None:
     """Three known pixels: one moves and is missed by 3 mm, one of two at rest is said to move by 6 mm; the fourth is unknown."""
     truth = np.array([[0.01, 0, 0], [0, 0, 0], [0, 0, 0], [9, 9, 9]])
     found = np.array([[0.01, 0.003, 0], [0, 0, 0.006], [0, 0, 0], [0, 0, 0]])
-    error = end_point_error(found, truth, np.array([True, True, True, False]), moves(truth))
+    error = end_point_error(found, truth, np.array([True, True, True, False]), moving_mask(truth))
     assert np.allclose(error, (0.003, 0.003, 1 / 3))
 
 
@@ -23,5 +23,5 @@ def test_nothing_known_is_no_score() -> None:
 def test_motion_on_the_image_by_hand() -> None:
     """What moves is told by the truth in space, not by the motion in pixels: a surface may come nearer where it is."""
     towards = np.array([[0, 0, -0.02], [0, 0, 0]])
-    error = end_point_error(np.array([[3.0, 4.0], [0, 1]]), np.zeros((2, 2)), np.ones(2, bool), moves(towards))
+    error = end_point_error(np.array([[3.0, 4.0], [0, 1]]), np.zeros((2, 2)), np.ones(2, bool), moving_mask(towards))
     assert np.allclose(error, (3, 5, 1 / 2))

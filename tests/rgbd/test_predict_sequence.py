@@ -12,10 +12,10 @@ from safetensors.numpy import load_file
 
 from afford.common.errors import SourceError
 from afford.common.video.frames import decode_video
-from afford.rgbd.model.files import FORMAT
-from afford.rgbd.model.predictor import Predictor, last, until
-from afford.rgbd.predict import footage
-from afford.rgbd.predict.footage import Lens, Sampling
+from afford.rgbd import footage
+from afford.rgbd.footage import Lens, Sampling
+from afford.rgbd.model.checkpoint import FORMAT
+from afford.rgbd.model.predictor import Predictor, first_frames, last_frame_input
 from afford.twohands.model import model_folder
 from schemas.interaction import AFFORDANCES, BACKGROUND
 from stages.rgbd import scene_flow
@@ -59,8 +59,8 @@ def test_a_sequence_gives_labels_and_everything_in_numbers(store: Path, shown: P
     assert (told["mode"], told["frames"], told["depth"], told["flow"]) == ("video", 4, True, "3d")
     assert told["square_px"] == [8, 0, 48, 40]
     predictor = Predictor(store / "models" / "sor3d" / "model")
-    seen = footage.read(shown / "rgb", shown / "depth", Lens(focal_px=45), Sampling(), SIZE)
-    found = predictor.predict(predictor.seen(seen.clip, scene_flow.run(seen.clip, scene_flow.Params())))
+    seen = footage.read_footage(shown / "rgb", shown / "depth", Lens(focal_px=45), Sampling(), SIZE)
+    found = predictor.predict(predictor.inputs_of_clip(seen.clip, scene_flow.run(seen.clip, scene_flow.Params())))
     kept = load_file(folder / "probabilities.safetensors")
     assert np.array_equal(kept["probability"], found.probability) and kept["probability"].shape == (10, SIZE, SIZE)
     assert np.array_equal(label[:, 8:48], cv2.resize(found.label, (40, 40), interpolation=cv2.INTER_NEAREST))
@@ -88,8 +88,8 @@ def test_a_picture_is_a_sequence_of_one(store: Path, shown: Path, tmp_path: Path
     told = said(tmp_path / "out" / "0004")
     assert done.code == 0 and (told["mode"], told["frames"], told["flow"]) == ("picture", 1, "none")
     predictor = Predictor(store / "models" / "sor3d" / "model")
-    whole = footage.read(shown / "rgb", shown / "depth", Lens(), Sampling(), SIZE)
-    found = predictor.predict(last(predictor.seen(whole.clip, None)))
+    whole = footage.read_footage(shown / "rgb", shown / "depth", Lens(), Sampling(), SIZE)
+    found = predictor.predict(last_frame_input(predictor.inputs_of_clip(whole.clip, None)))
     kept = load_file(tmp_path / "out" / "0004" / "probabilities.safetensors")["probability"]
     assert np.allclose(kept, found.probability, atol=1e-6)
 
@@ -101,7 +101,7 @@ def test_of_a_video_the_last_frame_is_labelled(store: Path, tmp_path: Path) -> N
         done = predict(store, video, tmp_path / words, "--frames", words)
         told = said(tmp_path / words / "slide")
         assert done.code == 0 and (told["frames"], told["frame"]) == (count, 23), done.err
-    seen = footage.read(video, None, Lens(), Sampling(10.0, 3), SIZE)
+    seen = footage.read_footage(video, None, Lens(), Sampling(10.0, 3), SIZE)
     _, _, images = decode_video(video, 1, 23, None, (96, 40))
     shown = [cv2.resize(images[n][:, 28:68], (SIZE, SIZE), interpolation=cv2.INTER_AREA) for n in (18, 20, 22)]
     assert np.array_equal(seen.clip.rgb, np.stack(shown))
@@ -110,11 +110,11 @@ def test_of_a_video_the_last_frame_is_labelled(store: Path, tmp_path: Path) -> N
 def test_frame_by_frame_each_one_is_the_last(store: Path, shown: Path) -> None:
     """What is said of frame i of a sequence is what is said of the sequence that ends there."""
     predictor = Predictor(store / "models" / "sor3d" / "model")
-    clip = footage.read(shown / "rgb", shown / "depth", Lens(), Sampling(), SIZE).clip
-    seen = predictor.seen(clip, scene_flow.run(clip, scene_flow.Params()))
+    clip = footage.read_footage(shown / "rgb", shown / "depth", Lens(), Sampling(), SIZE).clip
+    seen = predictor.inputs_of_clip(clip, scene_flow.run(clip, scene_flow.Params()))
     every = predictor.every_frame(seen)
     assert len(every) == 4 and np.array_equal(every[-1].probability, predictor.predict(seen).probability)
-    assert np.array_equal(every[1].action, predictor.predict(until(seen, 2)).action)
+    assert np.array_equal(every[1].action, predictor.predict(first_frames(seen, 2)).action)
     assert not np.allclose(every[0].action, every[-1].action, atol=1e-6)
 
 
@@ -123,7 +123,7 @@ def test_frames_without_zeros_in_front_keep_their_order(tmp_path: Path) -> None:
     padded, plain = write_frames(tmp_path / "padded", 12), write_frames(tmp_path / "plain", 12)
     for path in [*plain.glob("rgb/0*.png"), *plain.glob("depth/*.png")]:
         path.rename(path.with_stem(str(int(path.stem))))
-    wanted, found = (footage.read(root / "rgb", root / "depth", Lens(), Sampling(), SIZE) for root in (padded, plain))
+    wanted, found = (footage.read_footage(root / "rgb", root / "depth", Lens(), Sampling(), SIZE) for root in (padded, plain))
     assert np.array_equal(found.clip.rgb, wanted.clip.rgb) and np.array_equal(found.clip.depth_m, wanted.clip.depth_m)
     assert np.array_equal(found.rgb, wanted.rgb)
 
@@ -131,7 +131,8 @@ def test_frames_without_zeros_in_front_keep_their_order(tmp_path: Path) -> None:
 def test_confidence_is_a_threshold(store: Path, shown: Path) -> None:
     """At 0 every pixel shows its best affordance, at 0.999 none; between, exactly those above it."""
     predictor = Predictor(store / "models" / "sor3d" / "model")
-    found = predictor.predict(predictor.seen(footage.read(shown / "rgb", None, Lens(), Sampling(), SIZE).clip, None))
+    clip = footage.read_footage(shown / "rgb", None, Lens(), Sampling(), SIZE).clip
+    found = predictor.predict(predictor.inputs_of_clip(clip, None))
     assert (found.confident(0.0) != BACKGROUND).all() and (found.confident(0.999) == BACKGROUND).all()
     middle = float(np.median(found.probability[:BACKGROUND].max(0)))
     assert np.array_equal(found.confident(middle) != BACKGROUND, found.probability[:BACKGROUND].max(0) > middle)
@@ -146,7 +147,7 @@ def test_each_word_finds_its_own_kind_of_model(store: Path) -> None:
 
 def test_the_camera_of_the_square(shown: Path) -> None:
     """A point is seen at the same place of the scene before and after the cut and the resizing."""
-    seen = footage.read(shown / "rgb", shown / "depth", Lens(focal_px=50), Sampling(), SIZE)
+    seen = footage.read_footage(shown / "rgb", shown / "depth", Lens(focal_px=50), Sampling(), SIZE)
     u, v = 20.0, 11.0
     ray = np.array([(u - 27.5) / 50, (v - 19.5) / 50, 1])
     x, y, _ = seen.clip.K @ ray
@@ -156,14 +157,14 @@ def test_the_camera_of_the_square(shown: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "hint"),
     [
-        (("pour tea",), "told no task"),
-        (("--hands", "left"), "--hands: sor3d does not have it"),
+        (("pour tea",), "model sor3d takes no task"),
+        (("--hands", "left"), "--hands: model sor3d does not have this option"),
         (("--threshold", "1"), "expected a probability"),
         (("--frames", "0"), "--frames 0"),
         (("--focal-px", "-3"), "--focal-px -3"),
-        (("--depth", "nowhere"), "nowhere: expected a file or a folder"),
+        (("--depth", "nowhere"), "nowhere: no such file or folder"),
         (("--device", "gpu"), "unknown --device 'gpu'"),
-        (("--store", "nowhere"), "expected a model that `run sor3d` trained"),
+        (("--store", "nowhere"), "no model of `run sor3d` there"),
     ],
 )
 def test_a_wrong_call_is_refused(words: tuple[str, ...], hint: str, store: Path, shown: Path, tmp_path: Path) -> None:
@@ -176,7 +177,7 @@ def test_a_wrong_call_is_refused(words: tuple[str, ...], hint: str, store: Path,
 def test_depth_is_for_models_that_look_at_it(store: Path, shown: Path, tmp_path: Path) -> None:
     """The two-hand model refuses it."""
     refused = call("predict", shown / "rgb" / "0001.png", "pour", "--out", tmp_path / "out", "--store", store, "--depth", shown)
-    assert refused.code == 2 and "does not look at depth" in refused.err
+    assert refused.code == 2 and "does not use depth" in refused.err
 
 
 def test_what_cannot_be_read_is_a_failure(store: Path, shown: Path, tmp_path: Path) -> None:
@@ -195,4 +196,4 @@ def test_what_cannot_be_read_is_a_failure(store: Path, shown: Path, tmp_path: Pa
     with pytest.raises(SourceError, match="one size"):
         odd = write_frames(tmp_path / "odd")
         cv2.imwrite(str(odd / "rgb" / "0002.png"), np.zeros((8, 8, 3), np.uint8))
-        footage.read(odd / "rgb", None, Lens(), Sampling(), SIZE)
+        footage.read_footage(odd / "rgb", None, Lens(), Sampling(), SIZE)

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from afford.rgbd.scene_flow import colours, difference, regularised
-from afford.rgbd.scene_flow.search import search
-from afford.rgbd.scene_flow.smooth import affinity, smooth, solve
-from afford.rgbd.scene_flow.view import View, lift
+from afford.rgbd.scene_flow import clip as clip_module
+from afford.rgbd.scene_flow import difference, regularised
+from afford.rgbd.scene_flow.clip import RgbdFrame, lift
+from afford.rgbd.scene_flow.regularised import affinity, block_matching, fast_global_smoother, solve_rows
 from schemas.interaction import BACKGROUND, InteractionClip
 from stages.rgbd import scene_flow
 from tests.helpers import made_rgbd
@@ -84,8 +84,8 @@ def test_holes_give_no_nan(made: tuple[InteractionClip, np.ndarray], backend: st
 def test_filling_keeps_what_was_measured(made: tuple[InteractionClip, np.ndarray]) -> None:
     """Holes alone change, and what fills them lies between what was measured."""
     clip = made[0]
-    view = View(clip.rgb[0], clip.depth_m[0], clip.K)
-    full, known = regularised.filled(view), view.depth_m > 0
+    view = RgbdFrame(clip.rgb[0], clip.depth_m[0], clip.K)
+    full, known = regularised.fill_depth(view), view.depth_m > 0
     assert np.array_equal(full[known], view.depth_m[known])
     assert full.min() >= view.depth_m[known].min() and full.max() <= view.depth_m[known].max() + 0.01
 
@@ -97,9 +97,10 @@ def test_smoothing_is_the_minimum_along_a_row() -> None:
     links = np.diag([1.0, 2, 2, 2, 2, 1]) - np.eye(6, k=1) - np.eye(6, k=-1)
     want = np.linalg.solve(np.eye(6) + 3.0 * links, values[0, :, 0])
     got = values.copy()
-    solve(got, near, np.float32(3.0))
+    solve_rows(got, near, np.float32(3.0))
     assert np.abs(got[0, :, 0] - want).max() < 1e-5
-    flat = smooth(np.float32([[[1], [9], [1]]] * 3), np.float32([[1, 0, 1]] * 3), affinity(np.zeros((3, 3, 1), np.float32)), 5.0)
+    near = affinity(np.zeros((3, 3, 1), np.float32))
+    flat = fast_global_smoother(np.float32([[[1], [9], [1]]] * 3), np.float32([[1, 0, 1]] * 3), near, 5.0)
     assert np.abs(flat - 1).max() < 1e-3
 
 
@@ -108,7 +109,7 @@ def test_large_shifts_are_found() -> None:
     rng = np.random.default_rng(2)
     coarse = np.repeat(np.repeat(rng.random((28, 28, 3)).astype(np.float32), 4, 0), 4, 1)
     moved = np.roll(coarse, (12, -32), (0, 1))
-    found = search(coarse, moved)[4:96, 36:108]
+    found = block_matching(coarse, moved)[4:96, 36:108]
     assert np.median(np.abs(found - (-32, 12))) < 112 / 36
 
 
@@ -116,9 +117,9 @@ def test_colours_of_no_motion() -> None:
     """Fixed: the middle, whatever else moves. Of the clip: the ends are the least and the largest."""
     flow = np.zeros((1, 2, 2, 3), np.float32)
     flow[0, 0, 0] = (0.05, -0.1, 0)
-    shown, still = colours.fixed(flow, 0.05)
+    shown, still = clip_module.fixed_range(flow, 0.05)
     assert shown[0, 1, 1].tolist() == still.tolist() == [128] * 3 and shown[0, 0, 0].tolist() == [255, 1, 128]
-    shown, still = colours.of_clip(flow, 0.05)
+    shown, still = clip_module.clip_range(flow, 0.05)
     assert shown[0, 0, 0].tolist() == [255, 0, 128] and shown[0, 1, 1].tolist() == still.tolist() == [0, 255, 128]
 
 
@@ -152,6 +153,6 @@ def test_bad_parameters(made: tuple[InteractionClip, np.ndarray], field: str, va
 def test_plain_differencing_is_plain(made: tuple[InteractionClip, np.ndarray]) -> None:
     """Its motion along the axis is the difference of two measured depths, or nothing."""
     clip = made[0]
-    views = [View(clip.rgb[n], clip.depth_m[n], clip.K) for n in (0, 1)]
+    views = [RgbdFrame(clip.rgb[n], clip.depth_m[n], clip.K) for n in (0, 1)]
     flow, _ = difference.between(*views, None)
     assert (flow[views[0].depth_m == 0] == 0).all()

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from afford.rgbd.evaluate.flow import figures
+from afford.rgbd.scene_flow.metrics import flow_figures
 from schemas.interaction import InteractionTruth, SceneFlow
 from stages.rgbd import scene_flow_score
 
@@ -48,9 +48,11 @@ def test_sequences_add_up() -> None:
     told, blind = truth(), replace(truth("b"), valid=np.zeros((2, 4, 4), bool))
     one = scene_flow_score.run(flow(told, 0.0025), flow(told, 0.01), told, PARAMS)
     none = scene_flow_score.run(flow(blind, 1), flow(blind, 1), blind, PARAMS)
-    assert figures([one]) == figures([one, none]) and figures([one])["flow.epe_ratio"] == pytest.approx(0.25, rel=1e-2)
-    twice = figures([one, replace(one, error_m=3 * one.error_m)])
-    assert twice["flow.epe_ratio"] == pytest.approx(2 * figures([one])["flow.epe_ratio"]) and figures([none]) == figures([]) == {}
+    assert flow_figures([one]) == flow_figures([one, none])
+    assert flow_figures([one])["flow.epe_ratio"] == pytest.approx(0.25, rel=1e-2)
+    twice = flow_figures([one, replace(one, error_m=3 * one.error_m)])
+    assert twice["flow.epe_ratio"] == pytest.approx(2 * flow_figures([one])["flow.epe_ratio"])
+    assert flow_figures([none]) == flow_figures([]) == {}
 
 
 def test_motion_on_the_image_is_measured_too() -> None:
@@ -58,11 +60,11 @@ def test_motion_on_the_image_is_measured_too() -> None:
     told = truth()
     found = scene_flow_score.run(flow(told, 0.0, 0.5), flow(told, 0.0, 2.5), told, PARAMS)
     assert (found.error_px, found.error_moving_px, found.plain_px, found.plain_moving_px) == (12, 6, 60, 30)
-    numbers = figures([found, found])
+    numbers = flow_figures([found, found])
     assert (numbers["flow.epe_px"], numbers["flow.epe_px_moving"]) == (0.5, 0.5)
     assert (numbers["flow.difference_epe_px"], numbers["flow.difference_epe_px_moving"]) == (2.5, 2.5)
     still = scene_flow_score.run(flow(told, 0.0, 0.5), flow(told, 0.0, 2.5), replace(told, flow_m=0 * told.flow_m), PARAMS)
-    assert figures([still]).keys() & {"flow.epe_px", "flow.epe_px_moving"} == {"flow.epe_px"} and still.error_moving_px == 0
+    assert flow_figures([still]).keys() & {"flow.epe_px", "flow.epe_px_moving"} == {"flow.epe_px"} and still.error_moving_px == 0
 
 
 def test_a_flow_of_another_sequence_is_refused() -> None:

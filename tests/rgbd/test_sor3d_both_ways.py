@@ -7,11 +7,10 @@ import pytest
 import torch
 
 from afford.dataset.packed_sequences import PackedSequence
-from afford.rgbd.model import sequence_batches
-from afford.rgbd.model.both_ways import both_ways, mirrored
+from afford.rgbd.model import model_inputs
 from afford.rgbd.model.config import Sor3dConfig, row
-from afford.rgbd.model.inputs import Frames, Seen, frames
-from afford.rgbd.model.model import Sor3d, build
+from afford.rgbd.model.model import Sor3d, build, flip_inputs, predict_with_flip
+from afford.rgbd.model.model_inputs import InputBatch, ModelInput, to_batch
 from tests.helpers.made_sequences import SIZE
 from tests.helpers.made_sequences import seen as noise
 
@@ -23,22 +22,22 @@ def model(request: pytest.FixtureRequest) -> Sor3d:
     return build(row(Sor3dConfig(size_px=SIZE, widths=WIDTHS), request.param), 3).eval()
 
 
-def shown(model: Sor3d, turned: bool = False) -> Frames:
+def shown(model: Sor3d, turned: bool = False) -> InputBatch:
     one = noise(5)
     if turned:
-        whole = sequence_batches.mirrored(PackedSequence("noise", "can", "lift", *one, np.zeros((SIZE, SIZE), np.uint8)))
-        one = Seen(whole.rgb, whole.depth_m, whole.flow, whole.still)
-    return frames([one], model.config)
+        whole = model_inputs.flip_sequence(PackedSequence("noise", "can", "lift", *one, np.zeros((SIZE, SIZE), np.uint8)))
+        one = ModelInput(whole.rgb, whole.depth_m, whole.flow, whole.still)
+    return to_batch([one], model.config)
 
 
 @torch.inference_mode()
 def test_the_mirror_image_gets_the_mirrored_answer(model: Sor3d) -> None:
     """To a rounding; one way alone does not, so there is something to gain."""
     seen = shown(model)
-    said, other = both_ways(model, seen), both_ways(model, mirrored(seen))
+    said, other = predict_with_flip(model, seen), predict_with_flip(model, flip_inputs(seen))
     assert torch.allclose(said.logits, other.logits.flip(-1), atol=1e-5)
     assert torch.allclose(said.action, other.action, atol=1e-5)
-    assert not torch.allclose(model(seen).logits, model(mirrored(seen)).logits.flip(-1), atol=1e-5)
+    assert not torch.allclose(model(seen).logits, model(flip_inputs(seen)).logits.flip(-1), atol=1e-5)
     if said.attention is not None and other.attention is not None:
         assert torch.allclose(said.attention, other.attention.flip(-1), atol=1e-5)
 
@@ -47,16 +46,16 @@ def test_the_mirror_image_gets_the_mirrored_answer(model: Sor3d) -> None:
 def test_it_is_the_mean_of_both_answers(model: Sor3d) -> None:
     """Probabilities still sum to 1 and lie between the two."""
     seen = shown(model)
-    said = both_ways(model, seen).logits.exp()
-    one, two = model(seen).logits.softmax(1), model(mirrored(seen)).logits.softmax(1).flip(-1)
+    said = predict_with_flip(model, seen).logits.exp()
+    one, two = model(seen).logits.softmax(1), model(flip_inputs(seen)).logits.softmax(1).flip(-1)
     assert torch.allclose(said.sum(1), torch.ones_like(said[:, 0]), atol=1e-5)
     assert ((said >= torch.minimum(one, two) - 1e-6) & (said <= torch.maximum(one, two) + 1e-6)).all()
 
 
 def test_mirrored_tensors_are_those_of_a_mirrored_sequence(model: Sor3d) -> None:
     """Appearance to the bit; motion to the step of its colours, which cannot go beyond their ends."""
-    ours, theirs = mirrored(shown(model)), shown(model, turned=True)
+    ours, theirs = flip_inputs(shown(model)), shown(model, turned=True)
     assert torch.equal(ours.appearance, theirs.appearance)
     assert torch.allclose(ours.motion, theirs.motion, atol=0.1)
-    twice = mirrored(mirrored(shown(model)))
+    twice = flip_inputs(flip_inputs(shown(model)))
     assert torch.equal(twice.motion, shown(model).motion) and torch.equal(twice.appearance, shown(model).appearance)

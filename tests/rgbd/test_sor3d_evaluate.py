@@ -10,13 +10,13 @@ import pytest
 
 from afford.common.files import tree
 from afford.dataset import packed_sequences
-from afford.rgbd.evaluate import metrics as measures
-from afford.rgbd.evaluate.examine import Answer, as_released, ask, spread
-from afford.rgbd.evaluate.figures import figures, intervals, pooled, regions
-from afford.rgbd.model import files
+from afford.rgbd.evaluate import metrics
+from afford.rgbd.evaluate.evaluation import SequenceAnswer, predict_last_frame, released_metrics, spread_indices
+from afford.rgbd.evaluate.metrics import figures, intervals, pooled_counts, region_counts
+from afford.rgbd.model import checkpoint
 from afford.rgbd.model.config import Sor3dConfig, row
 from afford.rgbd.model.model import Sor3d, build
-from afford.rgbd.model.sequence_batches import last
+from afford.rgbd.model.model_inputs import last_frame
 from schemas.files import FileTree
 from schemas.interaction import AFFORDANCES, BACKGROUND, InteractionScores
 from stages.rgbd import interaction_pack, sor3d_evaluate
@@ -34,7 +34,7 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> FileTree:
 
 def saved(model: Sor3d, folder: Path) -> FileTree:
     """As model_train leaves it."""
-    files.save(model, folder / "model")
+    checkpoint.save_model(model, folder / "model")
     return tree("rgb-0", folder)
 
 
@@ -54,7 +54,7 @@ def test_every_sequence_of_the_part_is_asked(scores: InteractionScores, dataset:
     assert [one.clip for one in scores.shown] == ["val_000", "val_003"]
     for one in scores.shown:
         at = scores.clip.index(one.clip)
-        found = measures.counts(one.label[0], one.truth)
+        found = metrics.counts(one.label[0], one.truth)
         assert (scores.pixels[at, 0] == [found.hit, found.found, found.true]).all()
         assert scores.region[at, 0] == np.count_nonzero((one.label[0] < BACKGROUND) & (one.truth < BACKGROUND))
         assert one.attention.shape == (2, SIZE // 8, SIZE // 8) and one.confidence.min() >= 0.1
@@ -81,8 +81,8 @@ def test_those_of_the_released_code_by_hand() -> None:
     truth = np.array([[0, 0], [BACKGROUND, BACKGROUND]], np.uint8)
     probability = np.zeros((10, 2, 2), np.float32)
     probability[0], probability[BACKGROUND] = [[0.9, 0.2], [0.6, 0.1]], [[0.1, 0.8], [0.4, 0.9]]
-    answer = Answer(probability.argmax(0).astype(np.uint8), probability, probability.max(0), np.zeros(9), np.zeros((0, 0)))
-    assert as_released(answer, truth) == pytest.approx((2 / 4, 1 - 2 / 3))
+    answer = SequenceAnswer(probability.argmax(0).astype(np.uint8), probability, probability.max(0), np.zeros(9), np.zeros((0, 0)))
+    assert released_metrics(answer, truth) == pytest.approx((2 / 4, 1 - 2 / 3))
 
 
 def test_a_set_is_the_sum_of_its_parts(scores: InteractionScores) -> None:
@@ -90,9 +90,9 @@ def test_a_set_is_the_sum_of_its_parts(scores: InteractionScores) -> None:
     listed = ("clip", "object_type", "affordance", "pixels", "region", "code", "action")
     half = [replace(scores, **{name: getattr(scores, name)[at] for name in listed}) for at in (slice(0, 1), slice(1, None))]
     for mode in scores.mode:
-        whole, parts = pooled(scores, mode), pooled(half[0], mode) + pooled(half[1], mode)
+        whole, parts = pooled_counts(scores, mode), pooled_counts(half[0], mode) + pooled_counts(half[1], mode)
         assert all((getattr(whole, name) == getattr(parts, name)).all() for name in ("hit", "found", "true"))
-        assert figures(scores)[f"{mode}.iou"] == pytest.approx(measures.mean(measures.iou(parts)))
+        assert figures(scores)[f"{mode}.iou"] == pytest.approx(metrics.mean(metrics.iou(parts)))
 
 
 def test_a_perfect_answer_scores_one(scores: InteractionScores) -> None:
@@ -118,9 +118,9 @@ def test_regions_are_found_whatever_they_are_called(scores: InteractionScores) -
     misnamed = replace(scores, pixels=pixels, region=pixels[:, :, 2].sum(-1))
     found = figures(misnamed)
     assert found["video.iou"] == 0 and found["video.region_iou"] == 1
-    everything = regions(scores, "video")
+    everything = region_counts(scores, "video")
     assert everything.hit.sum() == scores.region[:, 0].sum() and everything.true.sum() == scores.pixels[:, 0, 2].sum()
-    assert (everything.hit >= pooled(scores, "video").hit).all()
+    assert (everything.hit >= pooled_counts(scores, "video").hit).all()
 
 
 def test_intervals_hold_the_figure(scores: InteractionScores) -> None:
@@ -136,8 +136,8 @@ def test_a_picture_is_a_video_of_one_frame(dataset: FileTree) -> None:
     model = build(CONFIG, 1).eval()
     one = packed_sequences.read_sequence(dataset.find("val/val_000.safetensors").path, "3d")
     other = replace(one, rgb=np.concatenate([255 - one.rgb[:-1], one.rgb[-1:]]))
-    assert np.array_equal(ask(model, last(one)).action, ask(model, last(other)).action)
-    assert not np.array_equal(ask(model, one).action, ask(model, other).action)
+    assert np.array_equal(predict_last_frame(model, last_frame(one)).action, predict_last_frame(model, last_frame(other)).action)
+    assert not np.array_equal(predict_last_frame(model, one).action, predict_last_frame(model, other).action)
 
 
 def test_rows_without_attention_have_none(dataset: FileTree, tmp_path: Path) -> None:
@@ -159,4 +159,5 @@ def test_bad_input_says_what(dataset: FileTree, tmp_path: Path) -> None:
 
 def test_what_is_shown_is_spread_over_all() -> None:
     """First and last among them, never more than there are."""
-    assert spread(60, 3) == {0, 30, 59} and spread(2, 12) == {0, 1} and spread(5, 1) == {0} and spread(4, 0) == set()
+    assert spread_indices(60, 3) == {0, 30, 59} and spread_indices(2, 12) == {0, 1}
+    assert spread_indices(5, 1) == {0} and spread_indices(4, 0) == set()

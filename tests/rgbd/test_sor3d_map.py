@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from afford.common.worker import use_kernel_cache
-from afford.rgbd.evaluate.recipes import WHOLE
+from afford.rgbd.evaluate.ablation_rows import WHOLE
 from commands.errors import UsageError
 from commands.origin import origin
 from maps.settings import Origin, Settings

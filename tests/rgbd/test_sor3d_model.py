@@ -11,15 +11,13 @@ import pytest
 import torch
 from safetensors.torch import save_file
 
-from afford.rgbd.model import config, files, vgg
-from afford.rgbd.model.attention import Attention
+from afford.rgbd.model import checkpoint, config
 from afford.rgbd.model.config import ROWS, Sor3dConfig
-from afford.rgbd.model.encoder import CONVOLUTIONS, Encoder
-from afford.rgbd.model.inputs import Frames, Seen, frames
-from afford.rgbd.model.losses import LossParams, losses, of_pixels, written_out
-from afford.rgbd.model.lstm import ConvLSTM
-from afford.rgbd.model.model import Said, Sor3d, build
-from afford.rgbd.model.pretrain import head
+from afford.rgbd.model.layers import CONVOLUTIONS, Attention, ConvLSTM, Encoder
+from afford.rgbd.model.losses import LossParams, explicit_cross_entropy, losses, pixel_cross_entropy
+from afford.rgbd.model.model import Sor3d, Sor3dOutput, build
+from afford.rgbd.model.model_inputs import InputBatch, ModelInput, to_batch
+from afford.rgbd.train.actions import action_classifier
 from afford.training.loop import deterministic
 from schemas.interaction import BACKGROUND
 from tests.helpers.made_sequences import SIZE, STILL, seen
@@ -33,8 +31,8 @@ def model() -> Sor3d:
     return build(TINY, seed=1).eval()
 
 
-def asked(*seeds: int, count: int = 4, size: int = SIZE) -> Frames:
-    return frames([seen(seed, count, size) for seed in seeds], TINY)
+def asked(*seeds: int, count: int = 4, size: int = SIZE) -> InputBatch:
+    return to_batch([seen(seed, count, size) for seed in seeds], TINY)
 
 
 def test_one_step_of_the_memory_is_the_cell_by_hand() -> None:
@@ -58,7 +56,7 @@ def test_state_is_carried_over_frames(model: Sor3d) -> None:
     asking = asked(3)
     order = [1, 0, 2, 3]
     with torch.no_grad():
-        first, second = model(asking), model(Frames(asking.appearance[:, order], asking.motion[:, order]))
+        first, second = model(asking), model(InputBatch(asking.appearance[:, order], asking.motion[:, order]))
     assert not torch.allclose(first.logits, second.logits) and not torch.allclose(first.action, second.action)
 
 
@@ -93,11 +91,12 @@ def test_attention_is_applied_at_every_upsampling(model: Sor3d) -> None:
 def test_a_picture_is_a_sequence_of_one_frame(model: Sor3d) -> None:
     """Static mode: no flow given, and a flow of nothing that moves, are the same, to the bit."""
     one = seen(5, 1)
-    bare = frames([one._replace(flow=np.zeros((0, SIZE, SIZE, 3), np.uint8))], TINY)
+    bare = to_batch([one._replace(flow=np.zeros((0, SIZE, SIZE, 3), np.uint8))], TINY)
     still = seen(5, 2)
-    moving = frames([Seen(np.repeat(one.rgb, 2, 0), np.repeat(one.depth_m, 2, 0), np.full_like(still.flow, 128), STILL)], TINY)
+    moves = ModelInput(np.repeat(one.rgb, 2, 0), np.repeat(one.depth_m, 2, 0), np.full_like(still.flow, 128), STILL)
+    moving = to_batch([moves], TINY)
     with torch.no_grad():
-        first, second = model(bare), model(Frames(moving.appearance[:, 1:], moving.motion[:, 1:]))
+        first, second = model(bare), model(InputBatch(moving.appearance[:, 1:], moving.motion[:, 1:]))
     assert torch.equal(first.logits, second.logits) and torch.equal(first.action, second.action)
 
 
@@ -106,7 +105,7 @@ def test_a_frame_sees_the_motion_that_led_to_it() -> None:
     clip = seen(0, 3)
     clip.flow[:] = 128
     clip.flow[0] = (255, 1, 128)
-    motion = frames([clip], TINY).motion[0]
+    motion = to_batch([clip], TINY).motion[0]
     assert (motion[0] == 0).all() and (motion[2] == 0).all()
     assert motion[1, :, 5, 5].tolist() == [1.0, -1.0, 0.0]
 
@@ -115,10 +114,10 @@ def test_depth_is_relative_and_holes_are_zero() -> None:
     """Nearer and farther cameras look the same; a hole, and a clip without depth, is 0."""
     clip = seen(2)
     clip.depth_m[0, 3, 3] = 0
-    first, second = (frames([clip._replace(depth_m=np.where(clip.depth_m > 0, clip.depth_m + more, 0))], TINY).appearance[:, :, 3]
+    first, second = (to_batch([clip._replace(depth_m=np.where(clip.depth_m > 0, clip.depth_m + more, 0))], TINY).appearance[:, :, 3]
                      for more in (0, 0.5))  # fmt: skip
     assert torch.allclose(first, second, atol=1e-5) and first[0, 0, 3, 3] == 0
-    assert (frames([clip._replace(depth_m=np.zeros_like(clip.depth_m))], TINY).appearance[:, :, 3] == 0).all()
+    assert (to_batch([clip._replace(depth_m=np.zeros_like(clip.depth_m))], TINY).appearance[:, :, 3] == 0).all()
 
 
 @pytest.mark.parametrize("size", [32, 37, 61])
@@ -134,7 +133,7 @@ def test_paper_width_has_the_papers_shapes() -> None:
     with torch.device("meta"):
         large = build(config.paper(), 0)
         levels = large.appearance(torch.zeros(1, 4, 300, 300))
-        said = large(Frames(torch.zeros(1, 2, 4, 300, 300), torch.zeros(1, 2, 3, 300, 300)))
+        said = large(InputBatch(torch.zeros(1, 2, 4, 300, 300), torch.zeros(1, 2, 3, 300, 300)))
     assert [tuple(level.shape[1:]) for level in levels] == [(64, 300, 300), (128, 150, 150), (256, 75, 75), (512, 37, 37)]
     assert said.logits.shape == (1, 10, 300, 300) and said.attention.shape == (1, 1, 37, 37)
     assert sum(parameter.numel() for parameter in large.parameters()) == PAPER_PARAMETERS
@@ -151,7 +150,7 @@ def test_the_loss_of_pixels_written_out_is_the_librarys() -> None:
     logits, label = torch.randn(2, 10, 6, 5, generator=torch.Generator().manual_seed(3)), torch.arange(60).view(2, 6, 5) % 10
     weight = torch.linspace(0.5, 3.0, 10)
     found = []
-    for way in (written_out, of_pixels):
+    for way in (explicit_cross_entropy, pixel_cross_entropy):
         asked = logits.clone().requires_grad_()
         way(asked, label, weight).backward()
         found.append((way(asked, label, weight), asked.grad))
@@ -165,7 +164,7 @@ def test_a_training_step_on_a_gpu_gives_the_same_bytes_twice() -> None:
     for _ in range(2):
         with deterministic(1, "cuda"):
             made = build(TINY, 0).cuda()
-            clip, label = frames([seen(n, 3, SIZE) for n in range(2)], TINY).to("cuda"), torch.full((2, SIZE, SIZE), BACKGROUND)
+            clip, label = to_batch([seen(n, 3, SIZE) for n in range(2)], TINY).to("cuda"), torch.full((2, SIZE, SIZE), BACKGROUND)
             losses(made(clip), label.cuda(), torch.tensor([0, 1]).cuda(), LossParams(dice=1.0), 0.0)["total"].backward()
             grads.append([parameter.grad.cpu() for parameter in made.parameters() if parameter.grad is not None])
     assert all(torch.equal(one, other) for one, other in zip(*grads, strict=True))
@@ -175,7 +174,7 @@ def test_a_training_step_on_a_gpu_gives_the_same_bytes_twice() -> None:
 def test_paper_width_learns_on_a_cpu() -> None:
     """Forward and backward of a batch of one short sequence at 300 x 300: every weight has a finite gradient."""
     large = build(config.paper(), 0)
-    batch = frames([seen(0, 2, 300)], large.config)
+    batch = to_batch([seen(0, 2, 300)], large.config)
     losses(large(batch), torch.full((1, 300, 300), BACKGROUND), torch.tensor([0]), LossParams(), 0.0)["total"].backward()
     assert all(parameter.grad is not None and parameter.grad.isfinite().all() for parameter in large.parameters())
 
@@ -197,10 +196,10 @@ def test_only_the_label_of_the_last_frame_enters_the_loss(model: Sor3d) -> None:
     """
     asking = asked(4)
     with torch.no_grad():
-        _, skips = model._seen([asking])
+        _, skips = model._encode([asking])
         changed = asking.appearance.clone()
         changed[:, :-1] = 0
-        _, others = model._seen([Frames(changed, asking.motion)])
+        _, others = model._encode([InputBatch(changed, asking.motion)])
     assert all(torch.equal(a, b) for one, two in zip(skips, others, strict=True) for a, b in zip(one, two, strict=True))
     with pytest.raises((RuntimeError, ValueError)):
         losses(model(asking), torch.zeros(1, 4, SIZE, SIZE, dtype=torch.int64), torch.tensor([0]), LossParams(), 0.0)
@@ -211,7 +210,7 @@ def test_groups_of_several_lengths_are_as_each_alone(model: Sor3d) -> None:
     videos, pictures = asked(0, 1), asked(2, 3, 4, count=1)
     with torch.no_grad():
         both, apart = model(videos, pictures), (model(videos), model(pictures))
-    for name in Said._fields:
+    for name in Sor3dOutput._fields:
         assert torch.allclose(getattr(both, name), torch.cat([getattr(one, name) for one in apart]), atol=1e-5)
 
 
@@ -238,16 +237,16 @@ def test_small_motion_is_raised_by_its_power() -> None:
     clip = seen(0, 2)
     clip.flow[:] = 128
     clip.flow[0, 0, 0] = (255, 1, 128 + 13)
-    motion = frames([clip], TINY).motion[0, 1, :, 0, 0]
+    motion = to_batch([clip], TINY).motion[0, 1, :, 0, 0]
     assert motion.tolist() == pytest.approx([1.0, -1.0, (13 / 127) ** 0.5])
-    assert frames([clip], config.paper()).motion[0, 1, 2, 0, 0].item() == pytest.approx(13 / 127)
+    assert to_batch([clip], config.paper()).motion[0, 1, 2, 0, 0].item() == pytest.approx(13 / 127)
 
 
 def test_loss_by_hand() -> None:
     """Two pixels and one action, in both halves of the schedule; a weight on what is not background."""
     logits = torch.zeros(1, 10, 1, 2)
     logits[0, 0, 0, 0] = np.log(9.0)
-    said = Said(logits, torch.zeros(1, 9), None)
+    said = Sor3dOutput(logits, torch.zeros(1, 9), None)
     label, action = torch.tensor([[[0, BACKGROUND]]]), torch.tensor([2])
     right, wrong, told = np.log(2.0), np.log(10.0), np.log(9.0)
     for done, (first, second) in ((0.0, (0.2, 0.8)), (0.75, (0.5, 0.5))):
@@ -263,42 +262,42 @@ def test_loss_by_hand() -> None:
 
 def test_files_come_back(model: Sor3d, tmp_path: Path) -> None:
     """Config and weights, to the bit; another config is refused."""
-    files.save(model, tmp_path)
-    back = files.load(tmp_path)
+    checkpoint.save_model(model, tmp_path)
+    back = checkpoint.load_model(tmp_path)
     with torch.no_grad():
         assert back.config == TINY and torch.equal(back(asked(1)).logits, model(asked(1)).logits)
-    files.save(build(replace(TINY, flow="none"), 0), tmp_path / "other")
-    (tmp_path / files.WEIGHTS).write_bytes((tmp_path / "other" / files.WEIGHTS).read_bytes())
+    checkpoint.save_model(build(replace(TINY, flow="none"), 0), tmp_path / "other")
+    (tmp_path / checkpoint.WEIGHTS).write_bytes((tmp_path / "other" / checkpoint.WEIGHTS).read_bytes())
     with pytest.raises(ValueError, match=r"model.safetensors: expected the weights that config.json"):
-        files.load(tmp_path)
-    (tmp_path / files.CONFIG).write_text("{}")
+        checkpoint.load_model(tmp_path)
+    (tmp_path / checkpoint.CONFIG).write_text("{}")
     with pytest.raises(ValueError, match="expected \"format\""):
-        files.load(tmp_path)
+        checkpoint.load_model(tmp_path)
 
 
 @pytest.mark.parametrize("kind", ["pth", "safetensors"])
 def test_an_encoder_from_vgg16(kind: str, tmp_path: Path) -> None:
     """The first 11 convolutions by name; depth has the mean of the colours; a misfit is one sentence."""
     widths, channels, weights = (4, 4, 8, 8), [3, 4, 4, 4, 4, 8, 8, 8, 8, 8, 8, 8], {}
-    for n, (before, after) in zip(vgg.LAYERS, pairwise(channels), strict=True):
+    for n, (before, after) in zip(checkpoint.LAYERS, pairwise(channels), strict=True):
         weights |= {f"features.{n}.weight": torch.randn(after, before, 3, 3), f"features.{n}.bias": torch.randn(after)}
     path = tmp_path / f"vgg16.{kind}"
     save_file(weights, path) if kind == "safetensors" else torch.save(weights, path)
     for inside in (3, 4):
         encoder = Encoder(inside, widths, "none")
-        vgg.fill(encoder, path)
+        checkpoint.load_vgg16(encoder, path)
         first, last = encoder.stages[0][0][0], encoder.stages[3][3][0]
         assert torch.equal(first.weight[:, :3], weights["features.0.weight"])
         assert torch.equal(last.weight, weights["features.24.weight"])
     assert torch.allclose(first.weight[:, 3], weights["features.0.weight"].mean(1))
     with pytest.raises(ValueError, match=r"expected features.0.weight of shape \(5, 3, 3, 3\), got \(4, 3, 3, 3\)"):
-        vgg.fill(Encoder(3, (5, 4, 8, 8), "none"), path)
+        checkpoint.load_vgg16(Encoder(3, (5, 4, 8, 8), "none"), path)
 
 
 def test_pre_training_trains_the_models_own_stream() -> None:
     """The head holds the encoder itself: a step of its optimiser moves the weights of the model."""
     made = build(TINY, 0)
-    classifier = head(made, 5, seed=0)
+    classifier = action_classifier(made, 5, seed=0)
     before = made.appearance.stages[0][0][0].weight.clone()
     classifier(asked(0, 1).appearance).square().sum().backward()
     torch.optim.SGD(classifier.parameters(), 0.1).step()
@@ -324,4 +323,4 @@ def test_bad_configs_say_so() -> None:
         config.row(TINY, "grey")
     with pytest.raises(ValueError, match=r"flow: expected \(3, 32, 32, 3\) for a clip of 4 frames"):
         clip = seen(0)
-        frames([clip._replace(flow=clip.flow[:1])], TINY)
+        to_batch([clip._replace(flow=clip.flow[:1])], TINY)

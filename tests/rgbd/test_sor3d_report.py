@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 import pytest
 
-from afford.rgbd.evaluate import page, published
-from afford.rgbd.evaluate.recipes import ALL, PRETRAINED, WHOLE, label, recipes
+from afford.rgbd.evaluate import ablation_rows, report
+from afford.rgbd.evaluate.ablation_rows import ALL, PRETRAINED, WHOLE, recipes, row_label
 from schemas.files import FileTree
 from schemas.interaction import AFFORDANCES, BACKGROUND, FlowScore, InteractionScores, ShownAnswer
 from stages.rgbd import sor3d_report
@@ -29,9 +29,9 @@ def scores(name: str, hit: int = 50, mode: tuple[str, ...] = ("video", "static")
             pixels[n, m, :, kind] = (hit // (m + 1), 100, 100)
     action = np.zeros((2, len(mode), 9), np.float32)
     action[:, :, GRASP] = 1
-    label = np.full((8, 8), BACKGROUND, np.uint8)
-    label[:4] = GRASP
-    shown = ShownAnswer("a", np.full((8, 8, 3), 90, np.uint8), label, np.stack([label, label[::-1]]),
+    row_label = np.full((8, 8), BACKGROUND, np.uint8)
+    row_label[:4] = GRASP
+    shown = ShownAnswer("a", np.full((8, 8, 3), 90, np.uint8), row_label, np.stack([row_label, row_label[::-1]]),
                         np.stack([np.full((8, 8), 0.9), np.full((8, 8), 0.5)]).astype(np.float16),
                         np.ones((2, 2, 2), np.float32))  # fmt: skip
     region = np.array([[min(2 * hit // (m + 1), 100) for m in range(len(mode))]] * 2, np.int64)
@@ -91,9 +91,9 @@ def test_what_is_not_finished_is_marked(tmp_path: Path) -> None:
 def test_what_each_part_adds_is_told_where_both_sides_are_known() -> None:
     """Also video beside pictures, and pre-training, which the paper has no figure for."""
     seeds = [{"video.iou": 0.7, "static.iou": 0.5, "action.accuracy": 0.9, "static.action": 0.3}]
-    text = page.steps({WHOLE: seeds, PRETRAINED: [{"video.iou": 0.75, "action.accuracy": 0.8}], "rgb": []})
+    text = report.steps_table({WHOLE: seeds, PRETRAINED: [{"video.iou": 0.75, "action.accuracy": 0.8}], "rgb": []})
     assert "| learning actions before | +0.050 |  | -0.100 |  |" in text and "| video | +0.200 |  | +0.600 | +0.18 |" in text
-    assert "attention" not in text and not page.steps({})
+    assert "attention" not in text and not report.steps_table({})
 
 
 def test_a_second_group_stands_in_the_report(tmp_path: Path) -> None:
@@ -135,9 +135,9 @@ def test_before_anything_is_finished_the_plan_is_told(tmp_path: Path) -> None:
 def test_recipes_begin_with_every_row() -> None:
     """The first seed of all rows comes before the second of any; the pretrained one is the whole model."""
     planned = recipes(("rgb", PRETRAINED), range(2))
-    assert [(label(one), one.row, one.seed) for one in planned] == [("rgb", "rgb", 0), (PRETRAINED, WHOLE, 0), ("rgb", "rgb", 1),
-                                                                    (PRETRAINED, WHOLE, 1)]  # fmt: skip
-    assert set(sor3d_report.Params.rows) == set(ALL) == set(published.ROWS) | {PRETRAINED}
+    assert [(row_label(one), one.row, one.seed) for one in planned] == [
+        ("rgb", "rgb", 0), (PRETRAINED, WHOLE, 0), ("rgb", "rgb", 1), (PRETRAINED, WHOLE, 1)]  # fmt: skip
+    assert set(sor3d_report.Params.rows) == set(ALL) == set(ablation_rows.PUBLISHED_ROWS) | {PRETRAINED}
     for rows, seeds in ((("best",), (0,)), ((), (0,)), (("rgb",), ())):
         with pytest.raises(ValueError, match="sor3d: expected rows of rgb, rgb_attention"):
             recipes(rows, seeds)

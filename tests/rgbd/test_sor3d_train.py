@@ -12,10 +12,10 @@ import torch
 from safetensors.torch import load_file
 
 from afford.dataset import packed_sequences
-from afford.rgbd.model import files
+from afford.rgbd.model import checkpoint
 from afford.rgbd.model.losses import LossParams, losses
 from afford.rgbd.model.model import build
-from afford.rgbd.model.sequence_batches import Changes, changed, last, mirrored, stack
+from afford.rgbd.model.model_inputs import Augmentation, augment, flip_sequence, last_frame, stack
 from afford.training.job import Job, read_job
 from schemas.files import FileTree
 from schemas.interaction import AFFORDANCES, BACKGROUND, ActionClip
@@ -77,7 +77,7 @@ def test_it_leaves_a_model_a_card_and_curves(trained: Trained) -> None:
     assert "license: cc0-1.0" in card and "| can lift | 6 | 2 |" in card
     curves = {curve.name for curve in trained.log.curves}
     assert {"train.total", "train.pixels", "train.action", "val.iou", "val.f", "val.fw", "val.action", "val.static.iou"} <= curves
-    model = files.load(trained.files.find("model/config.json").path.parent)
+    model = checkpoint.load_model(trained.files.find("model/config.json").path.parent)
     assert model.config.size_px == SIZE and not model.training
 
 
@@ -85,7 +85,7 @@ def test_a_recipe_is_a_row(dataset: FileTree, tmp_path: Path) -> None:
     """Its row and seed decide; the model is named after it."""
     recipe = Recipe("rgb-1", "rgb", "small", 1, False, 1, "affordance", 1, "interactions")
     made = sor3d_train.run(dataset, replace(PARAMS, steps=2, validate_every=2), Scratch(tmp_path), recipe)
-    assert made.log.name == "rgb-1" and files.load(made.files.find("model/config.json").path.parent).motion is None
+    assert made.log.name == "rgb-1" and checkpoint.load_model(made.files.find("model/config.json").path.parent).motion is None
 
 
 @pytest.mark.parametrize("job", [sor3d_train._job(PARAMS), sor3d_pretrain._job(sor3d_pretrain.Params())])
@@ -137,9 +137,9 @@ def test_the_first_batches_have_half_the_size(dataset: FileTree, tmp_path: Path)
 def test_a_mirror_turns_motion_round(dataset: FileTree) -> None:
     """Twice is once; motion to the right becomes motion to the left."""
     one = packed_sequences.read_sequence(dataset.find("train/train_000.safetensors").path, "3d")
-    other = mirrored(one)
+    other = flip_sequence(one)
     assert one.flow[..., 0].max() == 153 and other.flow[..., 0].min() == 103
-    back = mirrored(other)
+    back = flip_sequence(other)
     assert np.array_equal(back.flow, one.flow) and np.array_equal(back.rgb, one.rgb) and np.array_equal(back.label, one.label)
 
 
@@ -147,14 +147,14 @@ def test_changes_keep_the_label_on_its_thing(dataset: FileTree) -> None:
     """However it is cropped and mirrored: what is bright in the last frame is what is labelled."""
     one = packed_sequences.read_sequence(dataset.find("train/train_001.safetensors").path, "3d")
     for seed in range(8):
-        seen = changed(one, Changes(0.5, 1.0, 0.0), np.random.default_rng(seed))
+        seen = augment(one, Augmentation(0.5, 1.0, 0.0), np.random.default_rng(seed))
         assert ((seen.rgb[-1].mean(-1) > 150) == (seen.label != BACKGROUND)).mean() > 0.97
 
 
 def test_a_picture_has_no_past(dataset: FileTree) -> None:
     """The last frame alone, without motion, with the label."""
     one = packed_sequences.read_sequence(dataset.find("train/train_000.safetensors").path, "3d")
-    learned = stack([[last(one)]], sor3d_train._job(PARAMS).config)
+    learned = stack([[last_frame(one)]], sor3d_train._job(PARAMS).config)
     assert learned.groups[0].appearance.shape[1] == 1 and (learned.groups[0].motion == 0).all()
     assert learned.action.item() == AFFORDANCES.index("push")
 
@@ -172,24 +172,22 @@ def test_bad_input_says_what(dataset: FileTree, tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="one clip and one scene flow for each name, got otherwise for train_001"):
         interaction_pack.run((first, second), (flow,), interaction_pack.Params(), Scratch(tmp_path))
     (tmp_path / "x.safetensors").write_bytes(b"no")
-    with pytest.raises(ValueError, match=r"x.safetensors: expected a sequence that interaction_pack wrote"):
+    with pytest.raises(ValueError, match=r"x.safetensors: not a sequence that interaction_pack wrote"):
         packed_sequences.read_sequence(tmp_path / "x.safetensors", "3d")
 
 
-def test_actions_that_differ_in_motion_alone_are_told_apart(dataset: FileTree) -> None:
-    """Of twelve squares, pushed or lifted, within 60 steps: one whose layers are moved by what squares have in common saturates
-    first and stays at chance.
-    """
+def test_actions_that_differ_only_in_motion_are_separated(dataset: FileTree) -> None:
+    """Twelve squares, pushed or lifted, within 60 steps; a model whose memory saturates stays at chance."""
     paths = packed_sequences.split_files({file.name: file.path for file in dataset.files}, "train")
-    model = sor3d_train._job(PARAMS).config
-    learned = stack([[packed_sequences.read_sequence(path, "3d") for path in paths]], model)
-    net = build(model, seed=0)
-    optimiser = torch.optim.Adam(net.parameters(), 2e-3)
+    config = sor3d_train._job(PARAMS).config
+    batch = stack([[packed_sequences.read_sequence(path, "3d") for path in paths]], config)
+    model = build(config, seed=0)
+    optimizer = torch.optim.Adam(model.parameters(), 2e-3)
     for _ in range(60):
-        optimiser.zero_grad()
-        losses(net(*learned.groups), learned.label, learned.action, LossParams(), 0.0)["total"].backward()
-        optimiser.step()
-    assert (net(*learned.groups).action.argmax(1) == learned.action).all()
+        optimizer.zero_grad()
+        losses(model(*batch.groups), batch.label, batch.action, LossParams(), 0.0)["total"].backward()
+        optimizer.step()
+    assert (model(*batch.groups).action.argmax(1) == batch.action).all()
 
 
 def test_a_training_starts_from_the_shares_of_the_classes(dataset: FileTree, tmp_path: Path) -> None:
@@ -232,7 +230,7 @@ def test_an_encoder_is_trained_before(dataset: FileTree, tmp_path: Path) -> None
     assert all(torch.equal(tensor, weights[name]) for name, tensor in job.task(tmp_path, 1).model.appearance.state_dict().items())
     after = sor3d_train.run(dataset, few, scratch(tmp_path, "after"), encoder=before.files)
     assert str(tmp_path) not in after.files.find("card.md").path.read_text()
-    with pytest.raises(ValueError, match=r"expected model/encoder.safetensors of a pre-training"):
+    with pytest.raises(ValueError, match=r"it has no model/encoder.safetensors; give the files of sor3d_pretrain"):
         sor3d_train.run(dataset, few, Scratch(tmp_path), encoder=after.files)
 
 

@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 
 from afford.common.files import tree
-from afford.rgbd.evaluate.static_sets import Scored, Tally
-from afford.rgbd.model.predictor import Predictor, last
-from afford.rgbd.model.static import Told, last_picture
+from afford.rgbd.evaluate.static_sets import ScoredPicture, SetScores
+from afford.rgbd.model.predictor import PicturePrediction, Predictor, last_frame_input, last_picture
 from schemas.files import FileTree
 from schemas.interaction import AFFORDANCES, BACKGROUND, StaticSample, StaticSet
 from stages.rgbd import static_evaluate, static_read
@@ -37,13 +36,13 @@ def sample(label: np.ndarray) -> StaticSample:
     return StaticSample("one", "umd", "test", "knife", rgb, depth_m, label, np.zeros((0, 3, 3)))
 
 
-def told(*planes: tuple[int, np.ndarray]) -> Told:
+def told(*planes: tuple[int, np.ndarray]) -> PicturePrediction:
     """Probability 0.6 of a class where its mask says so, 0.3 of background everywhere."""
     probability = np.zeros((10, *planes[0][1].shape), np.float32)
     probability[BACKGROUND] = 0.3
     for kind, mask in planes:
         probability[kind][mask] = 0.6
-    return Told(probability, np.zeros((0, 0), np.float32), np.zeros((0, 4), np.float32))
+    return PicturePrediction(probability, np.zeros((0, 0), np.float32), np.zeros((0, 4), np.float32))
 
 
 def test_figures_by_hand() -> None:
@@ -52,8 +51,8 @@ def test_figures_by_hand() -> None:
     label[:2], label[2, :2] = GRASP, CUT
     mask = np.zeros((3, 4, 4), bool)
     mask[0, 0], mask[1, 1], mask[2, 2], mask[2, 3, :2] = True, True, True, True
-    tally = Tally.of([sample(label)])
-    tally.add(Scored(sample(label), told((GRASP, mask[0]), (LIFT, mask[1]), (CUT, mask[2]))))
+    tally = SetScores.of([sample(label)])
+    tally.add(ScoredPicture(sample(label), told((GRASP, mask[0]), (LIFT, mask[1]), (CUT, mask[2]))))
     found = tally.metrics()
     assert found["iou.grasp"] == pytest.approx(4 / 8) and found["f.grasp"] == pytest.approx(8 / 12, abs=1e-6)
     assert found["iou.cut"] == pytest.approx(2 / 6, abs=1e-6) and "iou.lift" not in found
@@ -67,16 +66,16 @@ def test_closed_to_the_classes_of_the_set() -> None:
     whole = np.ones((4, 4), bool)
     said = told((LIFT, whole))
     said.probability[GRASP] = 0.4
-    tally = Tally.of([sample(label)])
-    tally.add(Scored(sample(label), said))
+    tally = SetScores.of([sample(label)])
+    tally.add(ScoredPicture(sample(label), said))
     assert tally.metrics()["iou"] == 0 and tally.metrics()["closed.iou"] == 1
 
 
 def test_a_perfect_answer_scores_one() -> None:
     """All three figures, whatever the classes."""
     label = np.random.default_rng(0).integers(0, 10, (6, 6)).astype(np.uint8)
-    tally = Tally.of([sample(label)])
-    tally.add(Scored(sample(label), told(*((kind, label == kind) for kind in range(10)))))
+    tally = SetScores.of([sample(label)])
+    tally.add(ScoredPicture(sample(label), told(*((kind, label == kind) for kind in range(10)))))
     assert {tally.metrics()[name] for name in ("iou", "f", "fw", "closed.iou")} == {1.0}
 
 
@@ -99,11 +98,12 @@ def test_the_last_frame_of_a_sequence_is_its_picture(model: FileTree, tmp_path: 
     clips = [interaction(n, "val")[0] for n in range(3)]
     found = static_evaluate.run(tuple(clips), model, static_evaluate.Params(split="val"), Scratch(tmp_path))
     predictor = Predictor(next(file.path.parent for file in model.files if file.name.endswith("config.json")))
-    tally = Tally.of([last_picture(clip) for clip in clips])
+    tally = SetScores.of([last_picture(clip) for clip in clips])
     for clip in clips:
-        said = predictor.predict(last(predictor.seen(clip, None)))
+        said = predictor.predict(last_frame_input(predictor.inputs_of_clip(clip, None)))
         assert said.label.shape == (SIZE, SIZE)
-        tally.add(Scored(last_picture(clip), Told(said.probability, said.attention, np.zeros((0, 4), np.float32))))
+        prediction = PicturePrediction(said.probability, said.attention, np.zeros((0, 4), np.float32))
+        tally.add(ScoredPicture(last_picture(clip), prediction))
     assert json.loads(found.find("metrics.json").path.read_text()) == tally.metrics()
 
 

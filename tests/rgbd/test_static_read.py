@@ -12,7 +12,7 @@ import scipy.io
 import scipy.sparse
 
 from afford.common.errors import SourceError
-from afford.rgbd.readers import pictures
+from afford.rgbd.readers import static_set
 from afford.rgbd.readers.mat5 import read_matrix
 from schemas.interaction import AFFORDANCES, BACKGROUND
 from stages.rgbd import static_read
@@ -65,8 +65,9 @@ def test_of_a_small_picture_the_largest_square(tmp_path) -> None:
 def test_only_what_is_asked_for_is_decoded(tmp_path, monkeypatch) -> None:
     """Of IIT-AFF's a (train) and b (val), one; a split that the root does not have says which it has."""
     made, opened = iit_aff(tmp_path), []
-    decode = pictures.picture
-    monkeypatch.setattr("afford.rgbd.readers.iit_aff.picture", lambda file, *how: opened.append(file.name) or decode(file, *how))
+    decode = static_set.decode_picture
+    reader = "afford.rgbd.readers.iit_aff.decode_picture"
+    monkeypatch.setattr(reader, lambda file, *how: opened.append(file.name) or decode(file, *how))
     found = static_read.run(made, static_read.Params("iit-aff", crop_px=0, split="val"))
     assert [one.name for one in found.samples] == ["b"] and opened == ["rgb/b.jpg"]
     with pytest.raises(SourceError, match=r"iit, static_read.split: expected a split that the root has \(train, val\), got 'test'"):

@@ -51,7 +51,7 @@ def room(*stills: Still, setting: str = "kitchen") -> Stills:
 
 def written(folder: Path, *rooms: Stills) -> Path:
     """The benchmark of some rooms."""
-    act_affordance.write(folder, rooms, "test", MARGIN, lambda done, total: None)
+    act_affordance.write_benchmark(folder, rooms, "test", MARGIN, lambda done, total: None)
     return folder
 
 
@@ -114,7 +114,7 @@ def test_groups_say_whether_the_text_decides_and_tells_the_hands(tmp_path: Path)
 
 def test_an_empty_benchmark_is_refused(tmp_path: Path) -> None:
     """One sentence says what to do."""
-    with pytest.raises(ValueError, match="expected at least one still, got none"):
+    with pytest.raises(ValueError, match="there is no still to write; plan more rooms"):
         written(tmp_path, room())
 
 

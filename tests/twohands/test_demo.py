@@ -250,7 +250,7 @@ def test_the_verb_refuses_what_it_cannot_serve(site: Site, model: Path, tmp_path
     assert taken.code == 2 and "expected an address that is free" in taken.err
     for port in ("99999", "-1"):
         wrong = call("demo", "--model", model, "--port", port, "--store", tmp_path)
-        assert wrong.code == 2 and f"--port {port}: expected a port of 0 (any that is free) to 65535" in wrong.words
+        assert wrong.code == 2 and f"--port {port}: expected a port from 0 (any free port) to 65535" in wrong.words
     alien = call("demo", "--model", model, "--host", "192.0.2.1", "--port", "0", "--store", tmp_path)
     assert alien.code == 2 and "--host 192.0.2.1 --port 0: expected an address of this machine" in alien.words
 

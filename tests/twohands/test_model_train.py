@@ -14,8 +14,7 @@ import torch
 
 from afford.models.weights import weight_files, with_local_weights
 from afford.recording.check_file import check_file
-from afford.recording.content import EPOCH_NS
-from afford.recording.files import opened
+from afford.recording.mcap_files import EPOCH_NS, open_recording
 from afford.training import curves, train
 from afford.training.job import read_job
 from afford.twohands.model.interface import build
@@ -160,7 +159,7 @@ def test_the_recording_has_curves_and_previews(trained: Trained, tmp_path: Path)
     """One topic for each curve, a millisecond for each step, and the previews; the file passes all checks."""
     tree = training_record.run(trained.log, trained.files, training_record.Params(), Scratch(tmp_path))
     assert check_file(tree.files[0].path) == []
-    with opened(tree.files[0].path) as recording:
+    with open_recording(tree.files[0].path) as recording:
         times = [(message.topic, (message.time_ns - EPOCH_NS) // 1_000_000) for message in recording.messages]
     assert {("/model_train/val/iou", 3), ("/model_train/val/iou", 6), ("/model_train/preview", 6)} <= set(times)
 

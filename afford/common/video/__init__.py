@@ -1,1 +1,1 @@
-"""Videos and pictures: probe, decode, sample, write."""
+"""Videos and image sequences: probe, decode, sample, write."""

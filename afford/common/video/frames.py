@@ -1,4 +1,4 @@
-"""The frames of a clip, from its video file or its images."""
+"""Frames of a clip from a video file or from images, upright and at working size; writing of videos."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from schemas.video import Clip, Footage, Frames
 
 
 def fit(width_px: int, height_px: int, box_wh: tuple[int, int]) -> tuple[int, int]:
-    """(width, height) of an image scaled down into a box, its shape kept, both even; upright images turn the box upright.
+    """Scale an image size (width, height) down into a box, with the aspect ratio kept and both sides even.
 
-    Small images stay as they are (cut to even numbers by scaling).
+    The box is turned for upright images. Small images keep their size, except that odd sides become even.
     """
     long_px, short_px = max(box_wh), min(box_wh)
     box_w, box_h = (long_px, short_px) if width_px >= height_px else (short_px, long_px)
@@ -34,7 +34,7 @@ def _even(length: float) -> int:
 
 
 def shrink(image: np.ndarray, box_wh: tuple[int, int]) -> np.ndarray:
-    """An (h, w, 3) uint8 image at its working size; each pixel is the mean of the area it covers."""
+    """Resize an image (h, w, 3) uint8 to its working size; each pixel is the mean of the area it covers."""
     size = fit(image.shape[1], image.shape[0], box_wh)
     if size == (image.shape[1], image.shape[0]):
         return image
@@ -46,9 +46,9 @@ Decoded = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def decode_video(path: Path, first: int, last: int, resample_fps: float | None, box_wh: tuple[int, int]) -> Decoded:
-    """Frames `first` to `last` (data-set numbers) as far as they can be decoded; damaged and missing ones are left out.
+    """Decode frames `first` to `last` (data-set numbers); damaged and missing frames are left out.
 
-    Times are those of the file, or those of the constant rate when it is resampled. SourceError when the file cannot be read.
+    Times are those of the file, or those of the constant rate of a resampled video. Raises SourceError for an unreadable file.
     """
     info = probe(path)
     source = frames_at(info, resample_fps, path.name)
@@ -62,9 +62,9 @@ def decode_video(path: Path, first: int, last: int, resample_fps: float | None, 
 
 
 def every_nth(path: Path, every: int) -> Iterator[tuple[int, float, np.ndarray]]:
-    """(number from 1, media time in s, (h, w, 3) uint8 RGB at the file's own size) of frames 1, 1 + every, ..., one at a time.
+    """Yield every n-th frame: number from 1, media time in s, (h, w, 3) uint8 RGB at the file's own size.
 
-    Damaged frames are left out. SourceError when the file cannot be read.
+    Damaged frames are left out. Raises SourceError for an unreadable file.
     """
     info = probe(path)
     wanted = {int(info.pts[n]): n for n in range(0, len(info.pts), every)}
@@ -77,10 +77,10 @@ def every_nth(path: Path, every: int) -> Iterator[tuple[int, float, np.ndarray]]
 
 
 def _images(path: Path, info: Probe, pts: np.ndarray, box_wh: tuple[int, int]) -> dict[int, np.ndarray]:
-    """Presentation time -> image, for those of the wanted `pts` that decode.
+    """Decode the frames with the wanted presentation times; return time -> image.
 
-    Decoding starts at the key frame before them, and again from the start when that does not give them all: some containers
-    seek to the wrong place, or lose their clock.
+    Decoding starts at the key frame before them. If frames are missing, decoding restarts at the beginning: some containers seek to
+    the wrong place or lose their clock.
     """
     wanted = set(pts.tolist())
     before = info.pts[info.is_key & (info.pts <= pts[:1])] if wanted else pts
@@ -101,7 +101,7 @@ def _decode(path: Path, start: int | None, wanted: set[int], box_wh: tuple[int, 
 
 
 def _frames(container: av.container.InputContainer, stream: av.VideoStream, start: int | None) -> Iterator[av.VideoFrame]:
-    """Frames in the order in which they are shown, from the key frame at `start` on; broken packets are passed over."""
+    """Decode frames in display order from the key frame at `start`; broken packets are skipped."""
     if start is not None:
         container.seek(start, stream=stream)
     for packet in packets(container, stream):
@@ -112,12 +112,15 @@ def _frames(container: av.container.InputContainer, stream: av.VideoStream, star
 
 
 def _upright(frame: av.VideoFrame) -> np.ndarray:
-    """RGB (h, w, 3) uint8, turned as the file's display matrix asks."""
+    """Convert to RGB (h, w, 3) uint8, turned by the display matrix of the file."""
     return np.ascontiguousarray(np.rot90(frame.to_ndarray(format="rgb24"), round(frame.rotation / 90) % 4))
 
 
 def read_stills(pictures: Iterable[tuple[str, bytes]], box_wh: tuple[int, int]) -> np.ndarray:
-    """Images (t, h, w, 3) uint8 RGB of (name, bytes). SourceError names the one that is no image, or not of the first's size."""
+    """Decode (name, bytes) of images to (t, h, w, 3) uint8 RGB.
+
+    Raises SourceError for data that cannot be decoded and for an image whose size differs from the first one.
+    """
     images: list[np.ndarray] = []
     first = ""
     for name, data in pictures:
@@ -147,8 +150,10 @@ def _size(image: np.ndarray) -> str:
 
 
 def decode_clip(files: FileTree, clip: Footage, box_wh: tuple[int, int]) -> Frames:
-    """Frames of a clip that fit into `box_wh`. SourceError when the media are unreadable or no key frame is among them (no frame
-    at all, where none is a key frame yet).
+    """Decode the frames of a clip, scaled into `box_wh`.
+
+    Raises SourceError for unreadable media, and when no key frame is among the frames (no frame at all for a clip without key
+    frames).
     """
     is_video = clip.media_kind == "video"
     number, time_ns, rgb = (_from_video if is_video else _from_stills)(files, clip, box_wh)
@@ -180,7 +185,7 @@ def _from_stills(files: FileTree, clip: Footage, box_wh: tuple[int, int]) -> Dec
 
 
 def pictures(files: FileTree, clip: Footage | Clip) -> Iterator[bytes]:
-    """The bytes of every image, out of the pack that holds them or files of their own."""
+    """Yield the bytes of every image of a clip, from its pack or from single files."""
     whole = pack_of(files, clip.media[0])
     if whole is not None:
         return read_pack(whole, clip.media, clip.spans)
@@ -188,11 +193,11 @@ def pictures(files: FileTree, clip: Footage | Clip) -> Iterator[bytes]:
 
 
 X264 = {"preset": "medium", "x264-params": "threads=1:mbtree=0"}
-"""Macroblock-tree rate control is off: with it the same frames gave different bytes (measured, x264 core 165 on AVX-512)."""
+"""no macroblock-tree rate control: with it, equal frames gave different bytes (measured, x264 core 165 on AVX-512)"""
 
 
 def write_video(path: Path, images: Iterable[np.ndarray], crf: int, rate_hz: int = 30) -> None:
-    """(h, w, 3) uint8 RGB images of one size, both even; one thread, so that the same images give the same bytes."""
+    """Write (h, w, 3) uint8 RGB images of one even size as H.264 in MP4; one thread, so that bytes are reproducible."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with av.open(str(path), "w", format="mp4", container_options={"fflags": "+bitexact"}) as container:
         stream = container.add_stream("libx264", rate=rate_hz, options={"crf": str(crf), **X264})

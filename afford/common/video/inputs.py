@@ -1,4 +1,4 @@
-"""What the user points at -> pictures: an image, a video, or a folder with both at any depth."""
+"""Input images of predictions: an image, a video, or a folder of both at any depth."""
 
 from __future__ import annotations
 
@@ -18,20 +18,23 @@ IMAGES = (*IMAGE_SUFFIXES, ".webp", ".bmp", ".tif", ".tiff")
 
 @dataclass(frozen=True)
 class Source:
-    """One file to ask about."""
+    """Image or video file of a prediction."""
 
     path: Path
     name: str
-    """unique among the sources of a call: the path below the folder without suffix, with it where files or a folder share a stem"""
+    """unique among the sources of a call: path below the folder without suffix, or with suffix where stems collide"""
 
     @property
     def is_video(self) -> bool:
+        """True for a video, by its suffix."""
         return self.path.suffix.lower() in VIDEO_SUFFIXES
 
 
 def find(path: Path) -> list[Source]:
-    """The file itself, whatever its suffix, or every image and video below a folder, sorted; hidden files and links that leave
-    the folder are passed over, and so is what an earlier call wrote. SourceError when there is nothing.
+    """List the images and videos at a path: the file itself, or every one below a folder, sorted.
+
+    Hidden files, links that leave the folder and output of earlier predictions are skipped. Raises SourceError when nothing is
+    left.
     """
     if not path.is_dir():
         if not path.exists():
@@ -39,8 +42,8 @@ def find(path: Path) -> list[Source]:
         return [Source(path, path.stem)]
     known = IMAGES + VIDEO_SUFFIXES
     listed = [(PurePosixPath(entry.name), entry) for entry in entries(path)]
-    said = {name.parent for name, _ in listed if name.name == RECORD}
-    found = [name for name, entry in listed if entry.suffix in known and not entry.leaves and not said & set(name.parents)]
+    written = {name.parent for name, _ in listed if name.name == RECORD}
+    found = [name for name, entry in listed if entry.suffix in known and not entry.leaves and not written & set(name.parents)]
     if not found:
         raise SourceError(str(path), f"images or videos ({', '.join(known)}) at any depth", "none", "give another folder")
     stems = Counter(name.with_suffix("") for name in found)
@@ -49,7 +52,7 @@ def find(path: Path) -> list[Source]:
 
 
 def pictures(source: Source, every: int) -> Iterator[Picture]:
-    """The image, or frames 1, 1 + every, ... of the video. SourceError when the file cannot be read."""
+    """Yield the image, or frames 1, 1 + every, ... of the video. SourceError for an unreadable file."""
     if not source.is_video:
         yield Picture(source.name, str(source.path), read_image(source.path))
         return

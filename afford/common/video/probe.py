@@ -1,4 +1,4 @@
-"""Contents of a video file from its packets alone: nothing is decoded."""
+"""Probe a video file by its packets, without decoding, and map frame numbers of data sets to its frames."""
 
 from __future__ import annotations
 
@@ -16,14 +16,15 @@ from afford.common.errors import SourceError
 
 EPIC_ID = re.compile(r"P(0[1-9]|[12][0-9]|3[0-7])_([0-9]{2}|1[0-9]{2})")
 LAST_FRAME = 10**12
-"""a number beyond it is none of a frame, but a time or an id"""
+"""largest plausible frame number; larger numbers are times or ids"""
 MOST_SLOTS = 2**26
-"""frames of a video at a constant rate: 13 days at 60 a second; times that are damaged claim more"""
+"""most frames of a resampled video: 13 days at 60 frames per second; damaged times exceed it"""
 
 
 def epic_rate(video_id: str) -> float | None:
-    """The rate, 1/s, that EPIC-KITCHENS numbers frames by, whatever the rate of the file: 60 for PXX_YY, 50 for PXX_1YY, P01
-    to P37; None for every other id. VISOR, frame extraction.
+    """Return the rate, 1/s, by which EPIC-KITCHENS numbers the frames of a video, independent of the file's rate.
+
+    60 for PXX_YY, 50 for PXX_1YY, P01 to P37; None for any other id (VISOR, frame extraction).
     """
     match = EPIC_ID.fullmatch(video_id)
     if match is None:
@@ -32,8 +33,9 @@ def epic_rate(video_id: str) -> float | None:
 
 
 def parse_frame_number(name: str) -> int | None:
-    """The last run of digits of an image's name: rgb_frames/P03_101_frame_0000000157.jpg shows frame 157. None without one, and
-    for a number beyond `LAST_FRAME`.
+    """Parse the last run of digits in an image's name, such as 157 in rgb_frames/P03_101_frame_0000000157.jpg.
+
+    None for a name without digits and for a number beyond `LAST_FRAME`.
     """
     digits = re.findall(r"[0-9]+", PurePosixPath(name).stem)
     last = digits[-1].lstrip("0") if digits else None
@@ -44,10 +46,10 @@ def parse_frame_number(name: str) -> int | None:
 
 
 def resampled_frames(times_s: np.ndarray, fps: float | None) -> np.ndarray:
-    """Which frame of the file each data-set frame shows: (n,) int64, entry k for frame number k + 1.
+    """Map data-set frames to frames of the file: (n,) int64, entry k for frame number k + 1.
 
-    Without `fps` frame n is the n-th of the file. With it the file is resampled as ffmpeg does at a constant rate: each
-    picture takes the slot nearest to its time, and empty slots repeat the picture before. ValueError for more than `MOST_SLOTS`.
+    Without `fps`, frame n is the n-th of the file. With `fps`, the file is resampled to a constant rate as ffmpeg does: each image
+    takes the slot nearest to its time, and an empty slot repeats the image before it. Raises ValueError beyond `MOST_SLOTS`.
     """
     if fps is None:
         return np.arange(len(times_s))
@@ -61,16 +63,17 @@ def resampled_frames(times_s: np.ndarray, fps: float | None) -> np.ndarray:
 
 CONTAINERS = ("mov", "matroska", "avi", "mpeg", "mpegts", "mpegvideo", "m4v", "h264", "hevc", "obu", "ivf", "av1", "asf", "flv",
               "ogg", "mjpeg", "mxf", "dv", "nut", "rm", "gif", "vvc")  # fmt: skip
-"""containers that hold their own frames. Lists of other files (ffconcat, HLS, DASH, SDP, IMF) are none: the files that they name
-are in no digest"""
+"""containers that contain their own frames. Playlists (ffconcat, HLS, DASH, SDP, IMF) are refused, because no digest covers the
+files that they name
+"""
 OPTIONS = {"format_whitelist": ",".join(CONTAINERS), "protocol_whitelist": "file"}
 LATE_S = 0.25
-"""a video that ends this much before its container says so was cut short"""
+"""a video that ends this much before the stated duration is truncated"""
 
 
 @dataclass(frozen=True)
 class Probe:
-    """The frames of a video in the order in which they are shown."""
+    """Frames of a video in display order."""
 
     fps: float
     """average rate that the container states, 1/s"""
@@ -80,26 +83,28 @@ class Probe:
     is_key: np.ndarray
     """(n,) bool: decoding may start here"""
     truncated: bool
-    """the file ends before the container says so; the last frames, whose order is in doubt, are not counted"""
+    """the file ends before the stated duration; the last frames, whose order is uncertain, are not counted"""
     size_wh: tuple[int, int]
     """width and height as stored, px; a display matrix may turn them"""
 
     @property
     def times_s(self) -> np.ndarray:
-        """(n,) float64 seconds since the first frame."""
+        """Return (n,) float64 seconds since the first frame."""
         return (self.pts - self.pts[0]) * self.time_base_s
 
 
 def probe(path: Path, name: str = "") -> Probe:
-    """Read the packets of the first video stream. SourceError when there is none, or when no packet can be read."""
+    """Read the packets of the first video stream. SourceError when there is no stream or no readable packet."""
     with opened(path, name) as (container, stream):
         return _probe(container, stream, name or path.name)
 
 
 @contextmanager
 def opened(path: Path, name: str = "") -> Iterator[tuple[av.container.InputContainer, av.VideoStream]]:
-    """A video file and its first video stream, on one thread. Nothing but this file is read. SourceError, also from the body, when
-    it is no container of `CONTAINERS`, has no video, or one that cannot be decoded, or one of more than MAX_PIXELS.
+    """Open a video file and its first video stream, on one thread; no other file is read.
+
+    Raises SourceError, also for errors in the body of the `with` block: for a container outside `CONTAINERS`, for a file without a
+    decodable video, and for frames of more than MAX_PIXELS.
     """
     try:
         with av.open(str(path.absolute()), options=OPTIONS) as container:
@@ -129,7 +134,7 @@ def _unreadable(name: str, got: str) -> SourceError:
 
 
 def frames_at(info: Probe, fps: float | None, name: str) -> np.ndarray:
-    """Frame of the file that each data-set frame shows (`shown`); SourceError when its times are those of no video."""
+    """Map data-set frames to frames of the file (`resampled_frames`); SourceError for implausible times."""
     try:
         return resampled_frames(info.times_s, fps)
     except ValueError as error:
@@ -162,7 +167,7 @@ def _time(packet: av.Packet) -> int | None:
 
 
 def packets(container: av.container.InputContainer, stream: av.VideoStream) -> Iterator[av.Packet]:
-    """Its packets up to the end, or to where the data of a truncated file end."""
+    """Yield packets up to the end of the file, or to the end of the data of a truncated file."""
     found = container.demux(stream)
     while True:
         try:

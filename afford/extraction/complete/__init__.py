@@ -1,4 +1,4 @@
-"""Question: which pixels would an object cover if nothing stood before it?"""
+"""Amodal completion: the pixels that an object would cover without occlusion. Parameters and interface of the backends."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ class Sam2(Pretrained):
 
 @dataclass(frozen=True)
 class Completed:
-    """The complete shape of one object."""
+    """Complete (amodal) masks of one object."""
 
     masks: np.ndarray
-    """(t, h, w) bool. The stage adds the visible pixels and removes what nothing could hide."""
+    """(t, h, w) bool. The stage adds the visible pixels and removes pixels that no other mask covers."""
     confidence: np.ndarray
     """(t,) float32 in 0..1"""
 
 
 class Complete(Protocol[Own]):
-    """What every backend of this folder looks like."""
+    """Interface of a backend of `object_completion`."""
 
     def __call__(self, frames: Frames, tracks: Tracks, inpainted: Inpainted, index: int, params: Own) -> Completed:
-        """Complete the object `tracks.entities[index]` in every frame; empty where nothing of it is known.
+        """Complete the object `tracks.entities[index]` in every frame; a frame without evidence stays empty.
 
-        `params` are those of this backend. Pure and deterministic; the inputs are not modified.
+        `params` are the parameters of the backend. Pure and deterministic; the inputs are not modified.
         """
         ...

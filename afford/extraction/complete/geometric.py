@@ -1,4 +1,4 @@
-"""The visible part is taken for the whole: the baseline that completion has to beat."""
+"""Complete objects without weights: `template` by votes of all frames, and the baselines `visible` and `hull`."""
 
 from __future__ import annotations
 
@@ -8,24 +8,24 @@ import numpy as np
 from afford.common.masks import dilate
 from afford.extraction import layers
 from afford.extraction.complete import Completed
-from afford.extraction.layers.follow import follow
-from afford.extraction.layers.shape import carry, complete_shape, holding
+from afford.extraction.layers.shape import complete_shape, holding_hands, propagate_while_held
+from afford.extraction.layers.template import track_template
 from schemas.masks import Tracks
 from schemas.video import Frames, Inpainted
 
 
 def visible(frames: Frames, tracks: Tracks, inpainted: Inpainted, index: int, params: None) -> Completed:
-    """The mask of the tracks, with the tracks' confidence."""
+    """Return the visible mask as the complete one, with the confidence of the tracks."""
     return Completed(tracks.masks[index], tracks.confidence[index])
 
 
 def hull(frames: Frames, tracks: Tracks, inpainted: Inpainted, index: int, params: None) -> Completed:
-    """Hull of each frame's visible mask, with half the tracks' confidence."""
+    """Complete by the convex hull of the visible mask of each frame, with half the confidence of the tracks."""
     return Completed(np.stack([convex_hull(mask) for mask in tracks.masks[index]]), tracks.confidence[index] * np.float32(0.5))
 
 
 def convex_hull(mask: np.ndarray) -> np.ndarray:
-    """(h, w) bool: the convex hull of the mask's pixels; empty when the mask is."""
+    """Fill the convex hull of a mask (h, w) bool; an empty mask stays empty."""
     if not mask.any():
         return mask
     corners = cv2.convexHull(cv2.findNonZero(mask.view(np.uint8)))
@@ -33,12 +33,12 @@ def convex_hull(mask: np.ndarray) -> np.ndarray:
 
 
 def template(frames: Frames, tracks: Tracks, inpainted: Inpainted, index: int, params: None) -> Completed:
-    """Follow the object, carry it with the hand while hardly any of it shows, then let all frames vote on its hidden pixels.
+    """Track the object by a template, move it with the hand while it is mostly hidden, then vote on its hidden pixels.
 
-    What no frame has seen is guessed behind hands only: things that touch each other seldom hide much.
+    Pixels that no frame shows are extrapolated behind hands only: objects that touch each other seldom occlude much.
     """
     grey = np.stack([cv2.cvtColor(image, cv2.COLOR_RGB2GRAY) for image in frames.rgb])
-    visible, hidden_by = tracks.masks[index], dilate(layers.others(tracks, index), 1)
-    path = carry(follow(grey, visible, hidden_by), grey, visible, holding(tracks, index))
-    unknown = dilate(layers.hands(tracks), 1) & ~visible
-    return Completed(*complete_shape(path, frames.frame, visible, hidden_by & ~visible, unknown))
+    seen, hidden_by = tracks.masks[index], dilate(layers.others(tracks, index), 1)
+    path = propagate_while_held(track_template(grey, seen, hidden_by), grey, seen, holding_hands(tracks, index))
+    unknown = dilate(layers.hands(tracks), 1) & ~seen
+    return Completed(*complete_shape(path, frames.frame, seen, hidden_by & ~seen, unknown))

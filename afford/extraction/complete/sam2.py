@@ -1,6 +1,7 @@
-"""SAM 2 on a video of two frames, as 2HandedAfforder has it: the frame, prompted by the visible mask, and the frame without hands.
+"""Complete objects with SAM 2 on a video of two frames, as in 2HandedAfforder.
 
-What is found in the second is the complete object.
+The first frame is the original, prompted with the visible mask; the second is the frame without hands. The mask of the second frame
+is the complete object.
 """
 
 from __future__ import annotations
@@ -16,7 +17,10 @@ WEIGHTS = "a Sam2VideoModel: folder of save_pretrained, sam2*_hiera_*.pt, or hub
 
 
 def complete(frames: Frames, tracks: Tracks, inpainted: Inpainted, index: int, params: Sam2) -> Completed:
-    """See `Complete`. Frames in which the object is out of sight stay empty; confidence is the mean probability inside."""
+    """Complete with SAM 2, see `Complete`.
+
+    Frames in which the object is invisible stay empty. Confidence is the mean probability inside the mask.
+    """
     model = load_model(params.model, params.device, params.dtype)
     visible = tracks.masks[index]
     masks = np.zeros_like(visible)

@@ -1,4 +1,4 @@
-"""A clip without masks, its frames and a finder -> the clip with key frames: hands, what they touch, and that they do."""
+"""Detect hands and touched objects in a clip without masks: adds key frames with outlines, sides, names and contact."""
 
 from __future__ import annotations
 
@@ -10,97 +10,103 @@ from typing import Literal
 import numpy as np
 
 from afford.extraction.hands import LEFT, RIGHT, SLEEVE, TOUCHED, Detection
-from afford.extraction.hands.held_objects import NOTHING, Hands, Reach, contacts, held
-from afford.extraction.hands.motion import Looks, look, own_motion, spread
-from afford.extraction.hands.part_tracks import Track, follow
-from afford.extraction.hands.refine import along_edges, coloured, steadied
-from afford.extraction.hands.sides import Bearing, hands_of, sided, usual
-from afford.extraction.sources.narrations import UNTOLD
+from afford.extraction.hands.held_objects import NOTHING, ContactModel, HandMasks, contacts, held_objects
+from afford.extraction.hands.motion import SampledFrames, evenly_spaced, residual_speed, sample_frames
+from afford.extraction.hands.part_tracks import Track, link_segments
+from afford.extraction.hands.refine import guided_filter, refine_by_colour, smooth_over_time
+from afford.extraction.hands.sides import SidePrior, assign_sides, drop_small_tracks, hand_segments
+from afford.extraction.sources.narrations import DEFAULT_TASK
 from afford.extraction.sources.outlines import trace
 from schemas.video import HAND_CLASS, NOT_IN_CONTACT, SIDES, Annotation, Clip, Frames, Hand, KeyFrame, Narration
 
 Finder = Callable[[np.ndarray], np.ndarray]
-"""a backend with its own parameters and weights, see `Find`: pictures -> how likely each pixel is what"""
+"""a backend with its parameters and weights bound, see `Find`: pictures -> probabilities"""
 
 
 def detect(clip: Clip, frames: Frames, find: Finder, params: Detection) -> Clip:
-    """The clip with key frames about `every_s` apart."""
-    looks = look(frames, params.look_s)
-    seen = steadied(_asked(looks, find, params), looks, params.memory)
-    hands = _hands(seen, looks, params)
-    objects, touch = _things(seen, looks, hands, params)
-    keys = _keys(looks, params.every_s)
-    called = names(objects, touch, clip.narrations, frames.frame[looks.at])
+    """Return the clip with key frames about `every_s` apart."""
+    sampled = sample_frames(frames, params.look_s)
+    seen = smooth_over_time(_probabilities(sampled, find, params), sampled, params.memory)
+    hands = _hands(seen, sampled, params)
+    objects, touch = _objects_and_contacts(seen, sampled, hands, params)
+    keys = _key_samples(sampled, params.every_s)
+    object_names = name_objects(objects, touch, clip.narrations, frames.frame[sampled.at])
     return replace(clip, key_frames=tuple(
-        _key_frame(int(frames.frame[looks.at[k]]), looks, k, hands, objects, touch, called) for k in keys))
+        _key_frame(int(frames.frame[sampled.at[k]]), sampled, k, hands, objects, touch, object_names) for k in keys))
 
 
-def _things(seen: np.ndarray, looks: Looks, hands: Hands, params: Detection) -> tuple[list[Track], dict[Hand, np.ndarray]]:
-    """What hands touch, and for each side which of these at which look."""
-    width, least_px = looks.rgb.shape[2], params.least_object * _area(looks)
-    reach = Reach(params.reach_px, params.far * width, least_px, params.motion, params.sleeve, params.lasting)
-    parts = held(seen[..., TOUCHED], seen[..., SLEEVE], looks, hands, reach)
-    found = follow(parts, looks, params.link_min_iou, params.rest_looks, rests=True)
-    least = _least(looks, params.least_looks)
-    objects = [track for track in found if track.times_seen >= least[min(track.pieces)]]
-    touch = contacts(objects, hands, len(looks.at), params.reach_px, params.least_looks)
+def _objects_and_contacts(
+    seen: np.ndarray, sampled: SampledFrames, hands: HandMasks, params: Detection
+) -> tuple[list[Track], dict[Hand, np.ndarray]]:
+    """Find the touched objects, and for each side the object touched in each sampled frame."""
+    width, least_px = sampled.rgb.shape[2], params.least_object * _area(sampled)
+    model = ContactModel(params.reach_px, params.far * width, least_px, params.motion, params.sleeve, params.lasting)
+    parts = held_objects(seen[..., TOUCHED], seen[..., SLEEVE], sampled, hands, model)
+    found = link_segments(parts, sampled, params.link_min_iou, params.rest_looks, rests=True)
+    least = _min_times_seen(sampled, params.least_looks)
+    objects = [track for track in found if track.times_seen >= least[min(track.segments)]]
+    touch = contacts(objects, hands, len(sampled.at), params.reach_px, params.least_looks)
     return objects, touch
 
 
-def _area(looks: Looks) -> int:
-    return looks.rgb.shape[1] * looks.rgb.shape[2]
+def _area(sampled: SampledFrames) -> int:
+    return sampled.rgb.shape[1] * sampled.rgb.shape[2]
 
 
-def _asked(looks: Looks, find: Finder, params: Detection) -> np.ndarray:
-    """What the finder says of every look, (k, h, w, 4) float16. A person seen from the front is turned round: the arms then come
-    from below, the left one from the left.
+def _probabilities(sampled: SampledFrames, find: Finder, params: Detection) -> np.ndarray:
+    """Run the backend on every sampled frame, (k, h, w, 4) float16.
+
+    Pictures of a person seen from the front are rotated by 180 degrees, so that arms enter from below, the left one on the left.
     """
     turn = slice(None, None, -1 if params.viewpoint == "facing" else 1)
-    rgb, batch = looks.rgb[:, turn, turn], params.batch
+    rgb, batch = sampled.rgb[:, turn, turn], params.batch
     batches = [np.ascontiguousarray(rgb[at : at + batch]) for at in range(0, len(rgb), batch)]
     parts = [find(pictures).astype(np.float16) for pictures in batches]
     return np.concatenate(parts)[:, turn, turn]
 
 
-def _hands(seen: np.ndarray, looks: Looks, params: Detection) -> Hands:
-    """Side -> look -> mask."""
+def _hands(seen: np.ndarray, sampled: SampledFrames, params: Detection) -> HandMasks:
+    """Find the hand masks, by side and sampled frame."""
     left, right = (seen[..., side] * (1 - seen[..., SLEEVE]) for side in (LEFT, RIGHT))
-    bearing = Bearing(params.viewpoint == "facing", params.order, params.entry)
-    likely = coloured(np.minimum(left + right, 1), looks.rgb, params.colour)
-    least_px, parted = params.least_hand * _area(looks), params.least_part
-    found = [hands_of(along_edges(likely[k], looks.rgb[k], params.edge_px), left[k].astype(np.float32), right[k].astype(np.float32),
-                      own_motion(looks, k), least_px, parted, bearing) for k in range(len(looks.at))]
-    tracks = follow(found, looks, params.link_min_iou, params.gap_looks, leap_px=params.leap * looks.rgb.shape[2])
-    real = usual(tracks, _least(looks, params.least_looks), params.least_like)
-    chosen = sided(real, bearing, params.near * looks.rgb.shape[2])
-    return {side: _united(chosen[side]) for side in SIDES}
+    prior = SidePrior(params.viewpoint == "facing", params.order, params.entry)
+    likely = refine_by_colour(np.minimum(left + right, 1), sampled.rgb, params.colour)
+    least_px, parted = params.least_hand * _area(sampled), params.least_part
+    found = [
+        hand_segments(guided_filter(likely[k], sampled.rgb[k], params.edge_px), left[k].astype(np.float32),
+                      right[k].astype(np.float32), residual_speed(sampled, k), least_px, parted, prior)
+        for k in range(len(sampled.at))
+    ]  # fmt: skip
+    tracks = link_segments(found, sampled, params.link_min_iou, params.gap_looks, leap_px=params.leap * sampled.rgb.shape[2])
+    real = drop_small_tracks(tracks, _min_times_seen(sampled, params.least_looks), params.least_like)
+    chosen = assign_sides(real, prior, params.near * sampled.rgb.shape[2])
+    return {side: _union(chosen[side]) for side in SIDES}
 
 
-def _least(looks: Looks, count: int) -> dict[int, int]:
-    """Look -> how often something that appears there must be seen to count: `count`, or less where the video has no more looks."""
-    return {k: min(count, len(stretch)) for stretch in looks.stretches for k in stretch}
+def _min_times_seen(sampled: SampledFrames, count: int) -> dict[int, int]:
+    """Least number of detections of a track by its first sampled frame: `count`, or the length of a shorter run."""
+    return {k: min(count, len(run)) for run in sampled.runs for k in run}
 
 
-def _united(tracks: Sequence[Track]) -> dict[int, np.ndarray]:
-    looks = sorted({k for track in tracks for k in track.pieces})
-    return {k: np.any([track.pieces[k].mask for track in tracks if k in track.pieces], axis=0) for k in looks}
+def _union(tracks: Sequence[Track]) -> dict[int, np.ndarray]:
+    sampled = sorted({k for track in tracks for k in track.segments})
+    return {k: np.any([track.segments[k].mask for track in tracks if k in track.segments], axis=0) for k in sampled}
 
 
-def _keys(looks: Looks, every_s: float) -> list[int]:
-    """The looks that become key frames: the first and the last of every stretch, and those about `every_s` apart between."""
-    return [stretch[i] for stretch in looks.stretches for i in spread(looks.time_s[stretch.start : stretch.stop], every_s)]
+def _key_samples(sampled: SampledFrames, every_s: float) -> list[int]:
+    """Select the sampled frames that become key frames: the first and the last of every run, about `every_s` apart between."""
+    return [run[i] for run in sampled.runs for i in evenly_spaced(sampled.time_s[run.start : run.stop], every_s)]
 
 
 def _key_frame(
-    frame: int, looks: Looks, k: int, hands: Hands, objects: Sequence[Track], touch: Mapping[Hand, np.ndarray],
-    called: Sequence[tuple[str, int]],
+    frame: int, sampled: SampledFrames, k: int, hands: HandMasks, objects: Sequence[Track], touch: Mapping[Hand, np.ndarray],
+    object_names: Sequence[tuple[str, int]],
 ) -> KeyFrame:
-    hidden = np.any([np.zeros(looks.rgb.shape[1:3], bool), *(hands[side][k] for side in SIDES if k in hands[side])], axis=0)
-    masks = {i: one.pieces[k].mask & ~hidden for i, one in enumerate(objects) if k in one.pieces}
+    hidden = np.any([np.zeros(sampled.rgb.shape[1:3], bool), *(hands[side][k] for side in SIDES if k in hands[side])], axis=0)
+    masks = {i: one.segments[k].mask & ~hidden for i, one in enumerate(objects) if k in one.segments}
     shown = {i: mask for i, mask in masks.items() if mask.any()}
-    things = [_annotation(f"{frame}-object-{i}", *called[i], "", "", shown[i]) for i in shown]
+    things = [_annotation(f"{frame}-object-{i}", *object_names[i], "", "", shown[i]) for i in shown]
     mine = [_hand(frame, side, hands[side][k], int(touch[side][k]), shown) for side in SIDES if k in hands[side]]
-    return KeyFrame(frame, looks.rgb.shape[2], looks.rgb.shape[1], (*mine, *things))
+    return KeyFrame(frame, sampled.rgb.shape[2], sampled.rgb.shape[1], (*mine, *things))
 
 
 def _hand(frame: int, side: Hand, mask: np.ndarray, touched: int, shown: Mapping[int, np.ndarray]) -> Annotation:
@@ -113,27 +119,30 @@ def _annotation(key: str, name: str, class_id: int, side: Hand | Literal[""], co
 
 
 Name = tuple[str, int]
-"""a name and its noun class, -1 for none"""
-UNNAMED: Name = (UNTOLD[1], -1)
+"""a name and its noun class, -1 for an unknown class"""
+UNNAMED: Name = (DEFAULT_TASK[1], -1)
 
 
-def names(objects: Sequence[Track], touch: Mapping[Hand, np.ndarray], narrations: Sequence[Narration],
+def name_objects(objects: Sequence[Track], touch: Mapping[Hand, np.ndarray], narrations: Sequence[Narration],
           frame: np.ndarray) -> list[Name]:  # fmt: skip
-    """A name for every object, no two alike: the second that is called a mug is `mug:2`. frame: (k,) number of every look."""
+    """Name every object by the narrations during its contacts; names are unique: the second mug is `mug:2`.
+
+    frame: (k,) number of every sampled frame.
+    """
     votes: list[Counter[Name]] = [Counter() for _ in objects]
     for narration in narrations:
         during = (frame >= narration.start_frame) & (frame <= narration.stop_frame)
-        looks = Counter(int(i) for said in touch.values() for i in said[during] if i != NOTHING)
-        if len(looks) == 1 and narration.noun:
-            ((thing, count),) = looks.items()
-            votes[thing][narration.noun, narration.noun_class] += count
-    return _apart([vote.most_common(1)[0][0] if vote else UNNAMED for vote in votes])
+        touched = Counter(int(i) for contact in touch.values() for i in contact[during] if i != NOTHING)
+        if len(touched) == 1 and narration.noun:
+            ((index, count),) = touched.items()
+            votes[index][narration.noun, narration.noun_class] += count
+    return _make_unique([vote.most_common(1)[0][0] if vote else UNNAMED for vote in votes])
 
 
-def _apart(called: Sequence[Name]) -> list[Name]:
+def _make_unique(object_names: Sequence[Name]) -> list[Name]:
     used: Counter[str] = Counter()
     out = []
-    for name, class_id in called:
+    for name, class_id in object_names:
         used[name] += 1
         out.append((name if used[name] == 1 else f"{name}:{used[name]}", class_id))
     return out

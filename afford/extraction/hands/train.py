@@ -1,6 +1,4 @@
-"""The task of the finder of hands: lessons in many disguises in; hand or not, which side, what is touched and what is a sleeve
-out.
-"""
+"""Training task of the hand finder: augmented rendered pictures, losses for hand, side, touched object and sleeve, validation."""
 
 from __future__ import annotations
 
@@ -17,58 +15,64 @@ from torch.nn.functional import binary_cross_entropy_with_logits
 
 from afford.common.image_files import jpeg
 from afford.common.palette import LEFT, RIGHT
-from afford.extraction.hands.augment import Disguise, disguised
-from afford.extraction.hands.network import HAND, SIDE, SLEEVE, TOUCHED, Hands, HandsConfig
+from afford.extraction.hands.augment import Augmentation, augment
+from afford.extraction.hands.network import HAND, SIDE, SLEEVE, TOUCHED, HandFinder, HandFinderConfig
 from afford.training.state import TrainingState
 from schemas import scene as truth_of
 from schemas.scene import LEFT_HAND, RIGHT_HAND, HandLessons
 
-WEIGHTS = {"touched": 0.3, "sleeve": 1.0, "side": 0.7}
-"""of these losses beside that of the hand"""
-AT_ONCE = 8
-"""judging pictures in one pass"""
+LOSS_WEIGHTS = {"touched": 0.3, "sleeve": 1.0, "side": 0.7}
+"""weights of these losses, against 1 for that of the hand"""
+VALIDATION_BATCH = 8
+"""validation pictures in one pass"""
 WITH_HANDS = 0.85
-"""share of lessons that show hands"""
+"""share of training samples that show hands"""
 PREVIEW_COLUMNS, PREVIEW_ROWS = 4, 4
 
 
-def seeded(config: HandsConfig, seed: int) -> Hands:
-    """A network with the random weights of this seed; laid out channels last, in which it learns faster on a CPU."""
+def init_model(config: HandFinderConfig, seed: int) -> HandFinder:
+    """Initialise a network from this seed, in channels-last layout, which trains faster on a CPU."""
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
-        return Hands(config).to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # torch's own hint lacks it
+        return HandFinder(config).to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # torch's own hint lacks it
 
 
-def task(model: Hands, lessons: Sequence[HandLessons], seed: int, batch: int, size: tuple[int, int], judged: int) -> FinderTask:
-    """The task of the loop; ValueError when there is nothing to learn from or nothing that judges."""
-    parts = {split: Shown.of([one for one in lessons if one.split == split], split) for split in ("train", "val")}
+def make_task(
+    model: HandFinder, lessons: Sequence[HandLessons], seed: int, batch: int, size: tuple[int, int], judged: int
+) -> FinderTask:
+    """Build the training task; ValueError when the training or the validation split lacks pictures with or without hands."""
+    parts = {split: LabelledPictures.of([one for one in lessons if one.split == split], split) for split in ("train", "val")}
     return FinderTask(model, parts["train"], parts["val"], seed, batch, size, judged)
 
 
 @dataclass(frozen=True, eq=False)
-class Shown:
-    """Pictures with their labels, and which of them show hands and which none."""
+class LabelledPictures:
+    """Pictures with their labels, and the indices of those with and without hands."""
 
     pictures: tuple[np.ndarray, ...]
+    """each (h, w, 3) uint8"""
     labels: tuple[np.ndarray, ...]
+    """each (h, w) uint8"""
     hands: np.ndarray
+    """indices of the pictures that show hands"""
     bare: np.ndarray
+    """indices of the other pictures"""
 
     @staticmethod
-    def of(lessons: Sequence[HandLessons], split: str) -> Shown:
-        """All pictures of some rooms."""
+    def of(lessons: Sequence[HandLessons], split: str) -> LabelledPictures:
+        """Collect the pictures of all rooms of a split."""
         pictures, labels = (tuple(x for one in lessons for x in getattr(one, name)) for name in ("pictures", "labels"))
         shows = np.array([bool(np.isin(label, (LEFT_HAND, RIGHT_HAND)).any()) for label in labels], bool)
         if not shows.any() or shows.all():
             counts = f"{int(shows.sum())} with and {int((~shows).sum())} without"
             raise ValueError(f"hands_train: expected pictures of the split {split} with and without hands, got {counts}; more "
                              "rooms (hand_plan) or pictures (hand_lessons) give both")  # fmt: skip
-        return Shown(pictures, labels, np.flatnonzero(shows), np.flatnonzero(~shows))
+        return LabelledPictures(pictures, labels, np.flatnonzero(shows), np.flatnonzero(~shows))
 
-    def lesson(self, size: tuple[int, int], rng: np.random.Generator, disguise: Disguise) -> tuple[np.ndarray, np.ndarray]:
-        """Any picture, before itself or another one without hands."""
+    def sample(self, size: tuple[int, int], rng: np.random.Generator, params: Augmentation) -> tuple[np.ndarray, np.ndarray]:
+        """Draw and augment a picture; one without hands may become its background."""
         n, behind = int(rng.choice(self.hands if rng.random() < WITH_HANDS else self.bare)), int(rng.choice(self.bare))
-        return disguised((self.pictures[n], self.labels[n]), (self.pictures[behind], self.labels[behind]), size, rng, disguise)
+        return augment((self.pictures[n], self.labels[n]), (self.pictures[behind], self.labels[behind]), size, rng, params)
 
 
 Batch = tuple[np.ndarray, np.ndarray]
@@ -76,40 +80,43 @@ Batch = tuple[np.ndarray, np.ndarray]
 
 
 class FinderTask:
-    """What the loop trains (`afford.training.job.Task`)."""
+    """Training task of the hand finder, see `afford.training.job.Task`."""
 
     monitor = "iou"
 
-    def __init__(self, model: Hands, learned: Shown, judged: Shown, seed: int, batch: int, size: tuple[int, int],
-                 judging: int) -> None:
-        """Batches of `batch` pictures of `size` (height, width); `judging` pictures at the size of the network judge."""
+    def __init__(
+        self, model: HandFinder, training: LabelledPictures, validation: LabelledPictures, seed: int, batch: int,
+        size: tuple[int, int], judged: int,
+    ) -> None:  # fmt: skip
+        """Train on batches of `batch` pictures of `size` (height, width); validate on `judged` pictures at network size."""
         self.model: nn.Module = model
-        self._net, self._learned, self._seed, self._batch, self._size = model, learned, seed, batch, size
+        self._net, self._training, self._seed, self._batch, self._size = model, training, seed, batch, size
         whole = model.config.height_px, model.config.width_px
-        self._judged = [_stack(judged, n, AT_ONCE, whole, (seed, 1)) for n in range(-(-judging // AT_ONCE))]
-        self._said: list[np.ndarray] = []
+        count = -(-judged // VALIDATION_BATCH)
+        self._validation = [_make_batch(validation, n, VALIDATION_BATCH, whole, (seed, 1)) for n in range(count)]
+        self._logits: list[np.ndarray] = []
 
     def batch(self, number: int) -> Batch:
-        """Lessons, each in a disguise of its own."""
-        return _stack(self._learned, number, self._batch, self._size, (self._seed, 0))
+        """Draw the batch of this number; every sample is augmented independently."""
+        return _make_batch(self._training, number, self._batch, self._size, (self._seed, 0))
 
     def loss(self, model: nn.Module, batch: Batch) -> dict[str, Tensor]:
-        """Cross-entropy and overlap of hands, of touched things and of sleeves; cross-entropy of the side, where hands are."""
+        """Cross-entropy and Dice losses of hands, touched objects and sleeves; cross-entropy of the side inside hands."""
         logits = model(_pixels(batch[0]))
         labels = torch.from_numpy(batch[1])
         hand = ((labels == LEFT_HAND) | (labels == RIGHT_HAND)).float()
         held, cloth, right = ((labels == one).float() for one in (truth_of.TOUCHED, truth_of.SLEEVE, RIGHT_HAND))
         side = binary_cross_entropy_with_logits(logits[:, SIDE], right, reduction="none")
-        losses = {"hand": _region(logits[:, HAND], hand), "touched": _region(logits[:, TOUCHED], held),
-                  "sleeve": _region(logits[:, SLEEVE], cloth),
+        losses = {"hand": _region_loss(logits[:, HAND], hand), "touched": _region_loss(logits[:, TOUCHED], held),
+                  "sleeve": _region_loss(logits[:, SLEEVE], cloth),
                   "side": (side * hand).sum() / hand.sum().clamp(min=1)}  # fmt: skip
-        return {"total": losses["hand"] + sum(weight * losses[name] for name, weight in WEIGHTS.items()), **losses}
+        return {"total": losses["hand"] + sum(weight * losses[name] for name, weight in LOSS_WEIGHTS.items()), **losses}
 
     def validate(self) -> dict[str, float]:
-        """IoU of the pixels of hands, of touched things and of sleeves, and the share of true hand pixels whose side is told."""
-        logits = [self._net(_pixels(pictures)).float().numpy() for pictures, _ in self._judged]
-        self._said = logits
-        labels = [labels for _, labels in self._judged]
+        """IoU of hands, touched objects and sleeves, and the share of true hand pixels with the correct side."""
+        logits = [self._net(_pixels(pictures)).float().numpy() for pictures, _ in self._validation]
+        self._logits = logits
+        labels = [labels for _, labels in self._validation]
         hands = [(found[:, HAND] > 0, np.isin(label, (LEFT_HAND, RIGHT_HAND))) for found, label in zip(logits, labels, strict=True)]
         held, cloth = ([(found[:, plane] > 0, label == what) for found, label in zip(logits, labels, strict=True)]
                        for plane, what in ((TOUCHED, truth_of.TOUCHED), (SLEEVE, truth_of.SLEEVE)))
@@ -119,16 +126,16 @@ class FinderTask:
                 "sides": float(np.concatenate(right).mean())}  # fmt: skip
 
     def preview(self, folder: Path, step: int) -> None:
-        """A sheet of judging pictures: what was said filled in the colours of the hands, what is true outlined."""
-        rows = [_tile(*one) for (pictures, labels), said in zip(self._judged, self._said, strict=True)
-                for one in zip(pictures, labels, said, strict=True)][: PREVIEW_COLUMNS * PREVIEW_ROWS]  # fmt: skip
+        """Write a sheet of validation pictures: predictions filled in the colours of the hands, truth outlined."""
+        rows = [_tile(*one) for (pictures, labels), logits in zip(self._validation, self._logits, strict=True)
+                for one in zip(pictures, labels, logits, strict=True)][: PREVIEW_COLUMNS * PREVIEW_ROWS]  # fmt: skip
         lines = [np.hstack(rows[n : n + PREVIEW_COLUMNS]) for n in range(0, len(rows), PREVIEW_COLUMNS)]
         (folder / f"step_{step:07d}.jpg").write_bytes(jpeg(np.vstack(lines)))
 
 
-def _stack(shown: Shown, number: int, count: int, size: tuple[int, int], seed: tuple[int, ...]) -> Batch:
+def _make_batch(shown: LabelledPictures, number: int, count: int, size: tuple[int, int], seed: tuple[int, ...]) -> Batch:
     rng = np.random.default_rng((*seed, number))
-    pictures, labels = zip(*(shown.lesson(size, rng, Disguise()) for _ in range(count)), strict=True)
+    pictures, labels = zip(*(shown.sample(size, rng, Augmentation()) for _ in range(count)), strict=True)
     return np.stack(pictures), np.stack(labels)
 
 
@@ -136,10 +143,10 @@ def _pixels(pictures: np.ndarray) -> Tensor:
     return torch.from_numpy(pictures).permute(0, 3, 1, 2).float() / 255
 
 
-def _region(logits: Tensor, truth: Tensor) -> Tensor:
-    """Cross-entropy, and one minus the overlap over the whole batch: pictures without the region count as they should."""
-    said = logits.sigmoid()
-    overlap = (2 * (said * truth).sum() + 1) / (said.sum() + truth.sum() + 1)
+def _region_loss(logits: Tensor, truth: Tensor) -> Tensor:
+    """Cross-entropy plus Dice loss over the whole batch, so that pictures without the region count."""
+    predicted = logits.sigmoid()
+    overlap = (2 * (predicted * truth).sum() + 1) / (predicted.sum() + truth.sum() + 1)
     return binary_cross_entropy_with_logits(logits, truth) + 1 - overlap
 
 
@@ -149,9 +156,9 @@ def _iou(pairs: Sequence[tuple[np.ndarray, np.ndarray]]) -> float:
 
 
 def _tile(picture: np.ndarray, label: np.ndarray, logits: np.ndarray) -> np.ndarray:
-    chance = 1 / (1 + np.exp(-logits))
-    for colour, side in ((LEFT, 1 - chance[SIDE]), (RIGHT, chance[SIDE])):
-        weight = 0.6 * (chance[HAND] * side)[..., None]
+    probability = 1 / (1 + np.exp(-logits))
+    for colour, side in ((LEFT, 1 - probability[SIDE]), (RIGHT, probability[SIDE])):
+        weight = 0.6 * (probability[HAND] * side)[..., None]
         picture = picture * (1 - weight) + np.array(colour) * weight
     drawn = np.ascontiguousarray(picture.astype(np.uint8))
     for colour, which in ((LEFT, LEFT_HAND), (RIGHT, RIGHT_HAND)):
@@ -161,7 +168,7 @@ def _tile(picture: np.ndarray, label: np.ndarray, logits: np.ndarray) -> np.ndar
 
 
 def card_text(lessons: Sequence[HandLessons], state: TrainingState) -> str:
-    """The whole card, Markdown."""
+    """Write the model card, Markdown."""
     found = {point.name: point.value for point in state.points if point.step == state.best_step}
     rooms = Counter(one.split for one in lessons)
     pictures = {split: sum(len(one.pictures) for one in lessons if one.split == split) for split in rooms}

@@ -1,4 +1,4 @@
-"""Question: what would the frames show if the hands were not there?"""
+"""Inpainting of hands: parameters and interface of the backends."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ class VidmParams(Pretrained):
     """Parameters of `vidm`."""
 
     batch: int = 4
-    """holes that are filled at once, as many as memory has room for"""
+    """holes per forward pass; limited by memory"""
     window_px: int = 0
-    """side of the square that is cut out around a hole; 0: the frame's shorter side, as in training"""
+    """side of the square crop around a hole; 0: the shorter side of the frame, as in training"""
     window_frames: int = 0
-    """frames around the target among which the three others are, evenly spread; 0: the whole clip"""
+    """range of frames around the target from which the three context frames are evenly sampled; 0: the whole clip"""
     ddim_steps: int = 200
     """denoising steps, 1 to 500"""
     ddim_eta: float = 1.0
-    """share of fresh noise in every step, 0..1"""
+    """share of new noise in every step, 0..1"""
     seed: int = 0
     """seed of the noise"""
 
@@ -38,30 +38,30 @@ class LamaParams(Pretrained):
     """Parameters of `lama`."""
 
     batch: int = 4
-    """holes that are filled at once, as many as memory has room for"""
+    """holes per forward pass; limited by memory"""
     window_px: int = 0
-    """side of the square that is cut out around a hole, or more; 0: the whole frame"""
+    """least side of the square crop around a hole; 0: the whole frame"""
 
 
 @dataclass(frozen=True)
 class Filled:
-    """A guess for the pixels of the hole; what a backend says of other pixels is ignored."""
+    """Filled pixels of the hole; the stage ignores all other pixels."""
 
     rgb: np.ndarray
     """(t, h, w, 3) uint8"""
     source: np.ndarray
     """(t, h, w) uint8 PixelSource"""
     confidence: np.ndarray
-    """(t, h, w) uint8: 255 = seen directly in another frame, 0 = guessed"""
+    """(t, h, w) uint8: 255 = observed in another frame, 0 = guessed"""
 
 
 class Inpaint(Protocol[Own]):
-    """What every backend of this folder looks like."""
+    """Interface of a backend of `hand_inpaint`."""
 
     def __call__(self, frames: Frames, tracks: Tracks, hole: np.ndarray, params: Own) -> Filled:
         """Fill `hole` (t, h, w) bool, which contains every hand pixel of `tracks`.
 
-        Frames need not be consecutive: four frames, seconds apart, are a valid input, and so is one. `params` are those of this
-        backend. Pure and deterministic; the inputs are not modified.
+        Frames need not be consecutive: four frames, seconds apart, are a valid input, and so is one. `params` are the parameters
+        of the backend. Pure and deterministic; the inputs are not modified.
         """
         ...

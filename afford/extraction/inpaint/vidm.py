@@ -1,7 +1,7 @@
-"""VIDM, a diffusion model over four far-apart frames, as in 2HandedAfforder. Needs its published checkpoint, and a GPU to be quick.
+"""Inpaint with VIDM, a diffusion model over four far-apart frames, as in 2HandedAfforder.
 
-The network sees squares of 256 x 256 cut out around the holes, at the pixels' own size where a hole fits into `window_px`; only
-pixels of the hole are pasted back.
+Needs its published checkpoint; slow on a CPU. The input of the network are crops of 256 x 256 around the holes, not scaled where a
+hole fits into `window_px`. Only the pixels of the hole are pasted back.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from schemas.video import Frames, PixelSource
 
 WEIGHTS = "a folder or checkpoint of VIDM, with the names that were published (docs/extraction/inpainting.md)"
 GROWN_PX = 3
-"""growth of a hole in what the network sees: the paper's second dilation, by 7 x 7 at 256 x 256"""
+"""dilation of a hole in the input of the network: the paper's second dilation, by 7 x 7 at 256 x 256"""
 CONFIDENCE = 128
-"""a sample of a generative model is neither seen nor blind"""
+"""confidence of a sample of a generative model that is conditioned on other frames"""
 
 
-class Job(NamedTuple):
-    """One frame's hole in one window."""
+class HoleWindow(NamedTuple):
+    """The hole of one frame inside one window."""
 
     t: int
     number: int
@@ -35,35 +35,36 @@ class Job(NamedTuple):
 
 
 def inpaint(frames: Frames, tracks: Tracks, hole: np.ndarray, params: VidmParams) -> Filled:
-    """See `Inpaint`. Frames without a hole are copied, and with no hole at all no model is loaded."""
+    """Inpaint with VIDM, see `Inpaint`. Frames without a hole are copied; without any hole no model is loaded."""
     ddim(params.ddim_steps)
     side = side_of(params.window_px, min(hole.shape[1:]))
-    jobs = [Job(t, number, window) for t in range(len(hole)) for number, window in enumerate(windows(hole[t], side))]
+    jobs = [HoleWindow(t, number, window) for t in range(len(hole)) for number, window in enumerate(windows(hole[t], side))]
     out = frames.rgb.copy()
     if jobs:
         model = load(params.model, device_of(params.device), dtype_of(params.dtype))
         left = hole.copy()
         for batch in chunks(jobs, params.batch):
-            for job, image in zip(batch, _answers(model, frames, hole, batch, params), strict=True):
+            for job, image in zip(batch, _fill_batch(model, frames, hole, batch, params), strict=True):
                 paste(out[job.t], job.window, image, left[job.t])
                 left[job.t][job.window.inside(hole.shape[1:])] = False
     source = np.where(hole, PixelSource.BACKGROUND, PixelSource.ORIGINAL).astype(np.uint8)
     return Filled(out, source, np.where(hole, CONFIDENCE, 255).astype(np.uint8))
 
 
-def context(t: int, length: int, count: int, within: int = 0) -> list[int]:
-    """Positions of `count` frames, the target last and the others before it in order: equally far apart in the `within` frames
-    around the target (0: in all).
+def context_frames(t: int, length: int, count: int, within: int = 0) -> list[int]:
+    """Choose the positions of `count` frames, the context in order and the target `t` last.
+
+    The frames are equally spaced in the `within` frames around the target (0: in all).
     """
     stretch = min(within or length, length)
     start = min(max(t - stretch // 2, 0), length - stretch)
     return [*sorted(start + (t - start + k * stretch // count) % stretch for k in range(1, count)), t]
 
 
-def _answers(model: Vidm, frames: Frames, hole: np.ndarray, jobs: Sequence[Job], params: VidmParams) -> np.ndarray:
-    """(b, s, s, 3) uint8"""
+def _fill_batch(model: Vidm, frames: Frames, hole: np.ndarray, jobs: Sequence[HoleWindow], params: VidmParams) -> np.ndarray:
+    """Fill the windows of a batch, (b, s, s, 3) uint8."""
     size, count = model.config.size_px, model.config.frames
-    groups = [context(job.t, len(hole), count, params.window_frames) for job in jobs]
+    groups = [context_frames(job.t, len(hole), count, params.window_frames) for job in jobs]
     pairs = list(zip(jobs, groups, strict=True))
     rgb = np.stack([[cut(frames.rgb[i], job.window, size) for i in group] for job, group in pairs])
     holes = np.stack([[dilate(cut_hole(hole[i], job.window, size), GROWN_PX) for i in group] for job, group in pairs])
@@ -72,5 +73,5 @@ def _answers(model: Vidm, frames: Frames, hole: np.ndarray, jobs: Sequence[Job],
 
 
 def _seed(*of: int) -> int:
-    """A seed of a frame's window that does not depend on what else is in the batch."""
+    """Derive the seed of a window of a frame, independent of the rest of the batch."""
     return int(np.random.SeedSequence(of).generate_state(1, np.uint64)[0] >> np.uint64(1))

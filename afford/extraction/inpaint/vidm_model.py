@@ -1,4 +1,4 @@
-"""VIDM as a whole: frames into latents, the target's latent out of noise by DDIM, and back into pixels."""
+"""VIDM: encode frames to latents, sample the latent of the target by DDIM, decode it; reading and writing of its weights."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from afford.models.loading import fill_weights
 from afford.models.tensor_files import read_tensors
 
 STEPS, BETAS = 1000, (0.0015, 0.0205)
-"""of the diffusion that the model was trained on"""
+"""noise schedule of training: number of steps, range of beta"""
 MAX_DDIM_STEPS = STEPS // 2
-"""more leave no equal steps that end within the diffusion"""
+"""more steps cannot be equally spaced within the schedule"""
 
 
 class Vidm(nn.Module):
-    """The U-Net in any type; the first stage (VQ, stride 4) always in float32."""
+    """U-Net of any type, and first stage (VQ autoencoder of stride 4) in float32."""
 
     def __init__(self, config: VidmConfig) -> None:
         super().__init__()
@@ -40,10 +40,10 @@ class Vidm(nn.Module):
 
 @torch.inference_mode()
 def fill(model: Vidm, rgb: np.ndarray, holes: np.ndarray, *, steps: int, eta: float, seeds: Sequence[int]) -> np.ndarray:
-    """The last frame of each group without its hole.
+    """Fill the hole of the last frame of each group.
 
     rgb: (b, t, s, s, 3) uint8, the target last; holes: (b, t, s, s) bool. steps: 1 to 500, eta: 0..1. Returns (b, s, s, 3) uint8;
-    pixels outside the hole are the model's own. The noise of a group comes from its seed alone, drawn on the CPU.
+    pixels outside the hole are also output of the model. The noise of a group depends on its seed alone, and is drawn on the CPU.
     """
     known = _condition(model, rgb, holes)
     noise = [torch.Generator().manual_seed(seed) for seed in seeds]
@@ -51,14 +51,14 @@ def fill(model: Vidm, rgb: np.ndarray, holes: np.ndarray, *, steps: int, eta: fl
     latent = torch.cat([torch.randn(shape, generator=one) for one in noise]).to(known.device)
     scheduler = ddim(steps)
     for step in scheduler.timesteps:
-        guess = _noise_in(model.unet, latent, known, step)
+        guess = _predict_noise(model.unet, latent, known, step)
         latent = scheduler.step(guess, step, latent, eta=eta, generator=noise).prev_sample
     images = torch.cat([model.first_stage.decode(one[None]).sample for one in latent])
     return ((images.clamp(-1, 1) + 1) * 127.5).round().byte().permute(0, 2, 3, 1).cpu().numpy()
 
 
 def ddim(steps: int) -> DDIMScheduler:
-    """The published sampler: equal steps, the last of which ends at the first step of the diffusion. ValueError for too many."""
+    """Build the published sampler, with equal steps that end at the first step of the schedule. ValueError for too many steps."""
     if not 1 <= steps <= MAX_DDIM_STEPS:
         raise ValueError(f"ddim_steps: expected 1 to {MAX_DDIM_STEPS}, got {steps}")
     scheduler = DDIMScheduler(num_train_timesteps=STEPS, beta_start=BETAS[0], beta_end=BETAS[1], beta_schedule="scaled_linear",
@@ -68,7 +68,7 @@ def ddim(steps: int) -> DDIMScheduler:
 
 
 def _condition(model: Vidm, rgb: np.ndarray, holes: np.ndarray) -> Tensor:
-    """(b, 4, t, s / 4, s / 4): latents of the frames with their holes black, and the holes as -1 and 1."""
+    """Condition (b, 4, t, s / 4, s / 4): latents of the frames with their holes black, and the holes as -1 and 1."""
     device = next(model.parameters()).device
     black = torch.from_numpy(np.where(holes[..., None], 0, rgb)).to(device).permute(0, 1, 4, 2, 3).float() / 127.5 - 1
     latents = torch.stack([model.first_stage.encode(group).latents for group in black], 0)
@@ -76,11 +76,11 @@ def _condition(model: Vidm, rgb: np.ndarray, holes: np.ndarray) -> Tensor:
     return torch.cat([latents, masks[:, :, None]], 2).transpose(1, 2)
 
 
-def _noise_in(unet: Unet, latent: Tensor, known: Tensor, step: Tensor) -> Tensor:
+def _predict_noise(unet: Unet, latent: Tensor, known: Tensor, step: Tensor) -> Tensor:
     dtype = next(unet.parameters()).dtype
-    beside = latent[:, :, None].expand(-1, -1, known.shape[2], -1, -1)
+    repeated = latent[:, :, None].expand(-1, -1, known.shape[2], -1, -1)
     steps = step.to(latent.device).expand(len(latent))
-    return unet(torch.cat([beside, known], 1).to(dtype), steps).float()
+    return unet(torch.cat([repeated, known], 1).to(dtype), steps).float()
 
 
 CONFIG, WEIGHTS = "config.json", "model.safetensors"
@@ -90,9 +90,9 @@ IGNORED = re.compile(
     r"^(betas|alphas_cumprod|sqrt_|log_one_minus|posterior_|logvar$|lvlb_weights|model_ema\.(decay|num_updates)$"
     r"|cond_stage_model\.|first_stage_model\.loss\.)"
 )
-"""computed from constants, of training alone, or a second copy of the first stage"""
+"""tensors that are constants, needed for training only, or a second copy of the first stage"""
 PLAIN, AVERAGED, FIRST = "model.diffusion_model.", "model_ema.diffusion_model", "first_stage_model."
-"""the U-Net, its moving average with the dots of the names left out, and the VQ autoencoder"""
+"""prefixes of the U-Net, of its moving average (names without dots), and of the VQ autoencoder"""
 RENAMED = (
     (r"\.down\.(\d+)\.block\.", r".down_blocks.\1.resnets."),
     (r"\.down\.(\d+)\.downsample\.", r".down_blocks.\1.downsamplers.0."),
@@ -107,18 +107,18 @@ RENAMED = (
 
 
 def load(name: str, device: torch.device, dtype: torch.dtype, published: VidmConfig = PUBLISHED) -> Vidm:
-    """A model for inference, the U-Net in `dtype`; ValueError, one sentence, when there is none or it does not fit.
+    """Load a model for inference, the U-Net in `dtype`; ValueError when the file is missing or does not fit.
 
-    A file has the sizes `published`, a folder says its own; the names may be the published ones or ours.
+    A file has the sizes `published`, a folder has its own config. Published names of tensors and ours are both accepted.
     """
     path = Path(name)
     if not name or not path.exists():
-        got = f"got {name!r}, which is not there" if name else "got ''"
+        got = f"got {name!r}, which does not exist" if name else "got ''"
         raise ValueError(f"backend 'vidm' needs a model: expected {NEEDED}, {got}; set hand_inpaint.vidm.model")
     config = read_config(path / CONFIG) if path.is_dir() else published
     with torch.device("meta"):
         model = Vidm(config)
-    given = our_names(read_tensors(path / WEIGHTS if path.is_dir() else path), model.unet.state_dict(), config)
+    given = rename_tensors(read_tensors(path / WEIGHTS if path.is_dir() else path), model.unet.state_dict(), config)
     fill_weights(model, given, str(path), f"give {NEEDED}")
     model.unet.to(dtype)
     return model.to(device).eval()
@@ -131,10 +131,10 @@ def save(model: Vidm, folder: Path) -> None:
     save_file({name: tensor.detach().cpu().contiguous() for name, tensor in model.state_dict().items()}, folder / WEIGHTS)
 
 
-def our_names(published: Mapping[str, Tensor], unet: Iterable[str], config: VidmConfig) -> dict[str, Tensor]:
-    """Published tensors by our names; of the U-Net its moving average where there is one, as the released script takes it.
+def rename_tensors(published: Mapping[str, Tensor], unet: Iterable[str], config: VidmConfig) -> dict[str, Tensor]:
+    """Rename published tensors to our names; the moving average of the U-Net is preferred, as in the released script.
 
-    Names that nobody knows stay as they are, so that `fit` speaks of them.
+    Unknown names are kept, so that `fit` reports them.
     """
     averaged = {AVERAGED + name.replace(".", ""): f"unet.{name}" for name in unet}
     has_average = any(name.startswith(AVERAGED) for name in published)

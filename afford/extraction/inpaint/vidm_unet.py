@@ -1,4 +1,7 @@
-"""All that decides a shape of VIDM. The defaults are the published model (2HandedAfforder, hand inpainting)."""
+"""U-Net of VIDM and its config: convolutions within each frame, attention over all frames, and one convolution over time.
+
+Modules have the names of the latent diffusion code base (Rombach et al. 2022), so that published tensors fit.
+"""
 
 from __future__ import annotations
 
@@ -18,30 +21,30 @@ FORMAT = "afford-vidm-1"
 
 @dataclass(frozen=True)
 class VidmConfig:
-    """The published sizes; tests have smaller ones."""
+    """Sizes of VIDM. The defaults are those of the published model (2HandedAfforder, hand inpainting)."""
 
     size_px: int = 256
-    """side of the square frames; a latent has a quarter of it"""
+    """side of the square frames; the side of a latent is a quarter"""
     frames: int = 4
-    """of a group, the target last"""
+    """frames of a group, the target last"""
     channels: int = 256
-    """of the U-Net at its finest level; multiples of 32"""
+    """channels of the U-Net at its finest level; a multiple of 32"""
     multiples: tuple[int, ...] = (1, 2, 3, 4)
-    """of `channels`, level by level"""
+    """multiples of `channels`, by level"""
     blocks: int = 2
     """residual blocks of a level"""
     attention_at: tuple[int, ...] = (2, 4, 8)
-    """strides, in the latent, at which all positions of all frames attend to each other"""
+    """strides of the latent with attention among all positions of all frames"""
     heads: int = 8
     codes: int = 8192
     """entries of the codebook"""
     first_stage: tuple[int, ...] = (128, 256, 512)
-    """channels of the levels between a frame and its latent; three levels are a stride of 4"""
+    """channels of the levels between a frame and its latent; three levels give stride 4"""
     first_stage_blocks: int = 2
 
 
 def read_config(path: Path) -> VidmConfig:
-    """The config that a model was saved with; ValueError names the file and the field."""
+    """Read the config of a saved model; ValueError names the file and the field."""
     try:
         fields = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as error:
@@ -51,24 +54,24 @@ def read_config(path: Path) -> VidmConfig:
                          'write the folder with afford.extraction.inpaint.vidm_model.save')
     unknown = sorted(fields.keys() - {field.name for field in dataclasses.fields(VidmConfig)})
     if unknown:
-        raise ValueError(f"{path}: expected the fields of VidmConfig, got {', '.join(unknown)} too")
+        raise ValueError(f"{path}: unknown fields {', '.join(unknown)}; remove them, VidmConfig has no such fields")
     plain: dict[str, Any] = {name: tuple(value) if isinstance(value, list) else value for name, value in fields.items()}
     return VidmConfig(**plain)
 
 
 def config_text(config: VidmConfig) -> str:
-    """What `read_config` reads."""
+    """Serialise a config as the JSON text that `read_config` reads."""
     return json.dumps({"format": FORMAT, **dataclasses.asdict(config)}, indent=2, sort_keys=True) + "\n"
 
 
 GROUPS = 32
 LATENT, CONDITION = 3, 4
-"""channels of a latent; of what is known of a frame: its blanked latent and its mask"""
+"""channels of a latent; channels of the condition of a frame: its latent with the hole black, and its mask"""
 MAX_PERIOD = 10_000
 
 
 class Unet(nn.Module):
-    """(b, 7, t, h, w) noisy target beside what is known of each frame, and (b,) steps -> (b, 3, h, w) the noise in the target."""
+    """Noise predictor: (b, 7, t, h, w) noisy target with the condition of each frame, and (b,) steps -> (b, 3, h, w) noise."""
 
     def __init__(self, config: VidmConfig) -> None:
         super().__init__()
@@ -80,11 +83,11 @@ class Unet(nn.Module):
         self.output_blocks = self._up(config, skips)
         first = config.channels * config.multiples[0]
         join = nn.Conv3d(first, first, (config.frames, 1, 1))
-        self.out = nn.Sequential(Norm(GROUPS, first), nn.SiLU(), join, Joined(), nn.Conv2d(first, LATENT, 3, padding=1))
+        self.out = nn.Sequential(Norm(GROUPS, first), nn.SiLU(), join, FrameMean(), nn.Conv2d(first, LATENT, 3, padding=1))
 
     def forward(self, x: Tensor, step: Tensor) -> Tensor:
-        """See the class."""
-        emb = self.time_embed(waves(step, self.channels).to(x.dtype))
+        """Predict noise, see the class."""
+        emb = self.time_embed(timestep_embedding(step, self.channels).to(x.dtype))
         skips = []
         for block in self.input_blocks:
             x = block(x, emb)
@@ -95,7 +98,7 @@ class Unet(nn.Module):
         return self.out(x)
 
     def _down(self, config: VidmConfig) -> tuple[nn.ModuleList, list[int]]:
-        blocks = [Block([within(LATENT + CONDITION, self.channels)])]
+        blocks = [Block([frame_conv(LATENT + CONDITION, self.channels)])]
         skips, stride = [self.channels], 1
         for level, multiple in enumerate(config.multiples):
             for _ in range(config.blocks):
@@ -118,44 +121,45 @@ class Unet(nn.Module):
                 blocks.append(Block(layers))
         return nn.ModuleList(blocks)
 
-    def _level(self, given: int, wanted: int, stride: int, config: VidmConfig) -> list[nn.Module]:
-        attention = [Attention(wanted, config.heads)] if stride in config.attention_at else []
-        return [self._res(given, wanted), *attention]
+    def _level(self, channels_in: int, channels_out: int, stride: int, config: VidmConfig) -> list[nn.Module]:
+        attention = [Attention(channels_out, config.heads)] if stride in config.attention_at else []
+        return [self._res(channels_in, channels_out), *attention]
 
-    def _res(self, given: int, wanted: int, resample: str = "") -> Residual:
-        return Residual(given, wanted, self.emb, resample)
+    def _res(self, channels_in: int, channels_out: int, resample: str = "") -> Residual:
+        return Residual(channels_in, channels_out, self.emb, resample)
 
 
 class Block(nn.ModuleList):
-    """Layers one after the other; residual ones are told the step."""
+    """Sequence of layers; residual layers also receive the step embedding."""
 
     def forward(self, x: Tensor, emb: Tensor) -> Tensor:
-        """(b, c, t, h, w) -> (b, c', t, h', w')."""
+        """Apply the layers: (b, c, t, h, w) -> (b, c', t, h', w')."""
         for layer in self:
             x = layer(x, emb) if isinstance(layer, Residual) else layer(x)
         return x
 
 
 class Residual(nn.Module):
-    """Two convolutions within each frame; `resample` halves ("down") or doubles ("up") height and width."""
+    """Residual block of two convolutions within each frame; `resample` "down" halves, "up" doubles height and width."""
 
-    def __init__(self, given: int, wanted: int, emb: int, resample: str = "") -> None:
+    def __init__(self, channels_in: int, channels_out: int, emb: int, resample: str = "") -> None:
         super().__init__()
-        self.resample = {"": nn.Identity(), "down": Halve(), "up": Twice()}[resample]
-        self.in_layers = nn.Sequential(Norm(GROUPS, given), nn.SiLU(), within(given, wanted))
-        self.emb_layers = nn.Sequential(nn.SiLU(), nn.Linear(emb, wanted))
-        self.out_layers = nn.Sequential(Norm(GROUPS, wanted), nn.SiLU(), nn.Identity(), within(wanted, wanted))
-        self.skip_connection = nn.Identity() if given == wanted else nn.Conv3d(given, wanted, 1)
+        self.resample = {"": nn.Identity(), "down": Downsample(), "up": Upsample()}[resample]
+        self.in_layers = nn.Sequential(Norm(GROUPS, channels_in), nn.SiLU(), frame_conv(channels_in, channels_out))
+        self.emb_layers = nn.Sequential(nn.SiLU(), nn.Linear(emb, channels_out))
+        last = frame_conv(channels_out, channels_out)
+        self.out_layers = nn.Sequential(Norm(GROUPS, channels_out), nn.SiLU(), nn.Identity(), last)
+        self.skip_connection = nn.Identity() if channels_in == channels_out else nn.Conv3d(channels_in, channels_out, 1)
 
     def forward(self, x: Tensor, emb: Tensor) -> Tensor:
-        """(b, c, t, h, w), (b, e) -> (b, c', t, h', w')."""
+        """Apply the block: (b, c, t, h, w), (b, e) -> (b, c', t, h', w')."""
         h = self.in_layers[2](self.resample(self.in_layers[:2](x)))
         h = h + self.emb_layers(emb)[:, :, None, None, None]
         return self.skip_connection(self.resample(x)) + self.out_layers(h)
 
 
 class Attention(nn.Module):
-    """Every position of every frame attends to every other."""
+    """Self-attention over all positions of all frames."""
 
     def __init__(self, channels: int, heads: int) -> None:
         super().__init__()
@@ -165,7 +169,7 @@ class Attention(nn.Module):
         self.proj_out = nn.Conv1d(channels, channels, 1)
 
     def forward(self, x: Tensor) -> Tensor:
-        """(b, c, t, h, w) -> the same shape."""
+        """Attend within (b, c, t, h, w); the shape is unchanged."""
         flat = x.flatten(2)
         per_head = self.qkv(self.norm(flat)).unflatten(1, (self.heads, -1)).transpose(2, 3)
         q, k, v = per_head.chunk(3, dim=3)
@@ -174,45 +178,45 @@ class Attention(nn.Module):
 
 
 class Norm(nn.GroupNorm):
-    """Group normalisation over all frames at once, in float32 whatever the type."""
+    """Group normalisation over all frames together, computed in float32."""
 
     def forward(self, x: Tensor) -> Tensor:
-        """The same shape and type."""
+        """Normalise; shape and type are unchanged."""
         scale, shift = self.weight.float(), self.bias.float()
         return torch.nn.functional.group_norm(x.float(), self.num_groups, scale, shift, self.eps).to(x.dtype)
 
 
-class Halve(nn.Module):
-    """Mean of 2 x 2 pixels of a frame."""
+class Downsample(nn.Module):
+    """Downsampling by the mean of 2 x 2 pixels of a frame."""
 
     def forward(self, x: Tensor) -> Tensor:
-        """(b, c, t, h, w) -> (b, c, t, h / 2, w / 2)."""
+        """Downsample (b, c, t, h, w) to (b, c, t, h / 2, w / 2)."""
         return avg_pool2d(x.flatten(1, 2), 2).unflatten(1, x.shape[1:3])
 
 
-class Twice(nn.Module):
-    """Every pixel of a frame four times."""
+class Upsample(nn.Module):
+    """Nearest-neighbour upsampling of each frame."""
 
     def forward(self, x: Tensor) -> Tensor:
-        """(b, c, t, h, w) -> (b, c, t, 2 h, 2 w)."""
+        """Upsample (b, c, t, h, w) to (b, c, t, 2 h, 2 w)."""
         return interpolate(x, scale_factor=(1, 2, 2), mode="nearest")
 
 
-class Joined(nn.Module):
-    """Frames into one, after the join has left as good as one."""
+class FrameMean(nn.Module):
+    """Mean over the frames that remain after the convolution over time."""
 
     def forward(self, x: Tensor) -> Tensor:
-        """(b, c, t, h, w) -> (b, c, h, w)."""
+        """Average (b, c, t, h, w) to (b, c, h, w)."""
         return x.mean(2)
 
 
-def within(given: int, wanted: int) -> nn.Conv3d:
-    """A 3 x 3 convolution within each frame."""
-    return nn.Conv3d(given, wanted, (1, 3, 3), padding=(0, 1, 1))
+def frame_conv(channels_in: int, channels_out: int) -> nn.Conv3d:
+    """Build a 3 x 3 convolution within each frame."""
+    return nn.Conv3d(channels_in, channels_out, (1, 3, 3), padding=(0, 1, 1))
 
 
-def waves(step: Tensor, channels: int) -> Tensor:
-    """(b,) steps -> (b, channels) float32 cosines and sines of periods 2 pi to MAX_PERIOD."""
+def timestep_embedding(step: Tensor, channels: int) -> Tensor:
+    """Embed steps (b,) as cosines and sines (b, channels) float32 of periods 2 pi to MAX_PERIOD."""
     half = channels // 2
     rates = torch.exp(-math.log(MAX_PERIOD) / half * torch.arange(half, dtype=torch.float32, device=step.device))
     angles = step[:, None].float() * rates

@@ -1,4 +1,4 @@
-"""Layers of a clip: camera motion, background, moving shapes; what is behind the hands."""
+"""Layers of a clip: background by camera motion, objects by their own motion; masks of hands, objects and occluders."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ from schemas.masks import Tracks
 
 
 def hands(tracks: Tracks) -> np.ndarray:
-    """(t, h, w) bool: pixels of any hand."""
+    """Union of the masks of all hands, (t, h, w) bool."""
     return _union(tracks, [i for i, entity in enumerate(tracks.entities) if entity.role == "hand"])
 
 
 def objects(tracks: Tracks) -> np.ndarray:
-    """(t, h, w) bool: visible pixels of any object."""
+    """Union of the visible masks of all objects, (t, h, w) bool."""
     return _union(tracks, object_indices(tracks))
 
 
 def others(tracks: Tracks, index: int) -> np.ndarray:
-    """(t, h, w) bool: visible pixels of every entity but one: what may hide it."""
+    """Union of the visible masks of all entities except one, its possible occluders, (t, h, w) bool."""
     return _union(tracks, [i for i in range(len(tracks.entities)) if i != index])
 
 
-def told(tracks: Tracks) -> np.ndarray:
-    """(t,) bool: frames that some key frame speaks for; in others the hands are there but have no mask."""
+def annotated_frames(tracks: Tracks) -> np.ndarray:
+    """Frames (t,) bool with masks from a key frame; in other frames hands may be visible without a mask."""
     return np.asarray((tracks.source_frame >= 0).any(axis=0))
 
 

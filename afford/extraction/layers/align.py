@@ -1,4 +1,4 @@
-"""Direct alignment of a shape with an image: Gauss-Newton on brightness and silhouette together (after Baker & Matthews 2004).
+"""Direct alignment of a template with an image: Gauss-Newton on brightness and silhouette (after Baker & Matthews 2004).
 
 A pose is a (2, 3) matrix that maps a canvas point (u, v, 1), u and v centred and scaled to about [-1, 1], to image pixels.
 """
@@ -13,19 +13,19 @@ REACH_PX = 6.0
 
 
 def signed_distance(inside: np.ndarray, known: np.ndarray, reach_px: float = REACH_PX) -> tuple[np.ndarray, np.ndarray]:
-    """(h, w) float32 distance (px, inside positive, cut at +-`reach_px`) and its (h, w) float32 weight, 0 or 1.
+    """Compute the signed distance (h, w) float32 to an outline (px, inside positive, clipped at `reach_px`) and its weight.
 
-    inside: (h, w) bool, a subset of known: (h, w) bool, pixels where it is certain whether they belong to the shape. A
-    distance counts only where no unknown pixel is nearer than the outline, because the outline may run through there.
+    inside: (h, w) bool, a subset of known: (h, w) bool, the pixels whose membership is certain. The weight (h, w) float32 is 1
+    where no unknown pixel is nearer than the outline, else 0, because the outline may pass through unknown pixels.
     """
     background = known & ~inside
-    distance = np.where(inside, _to(background), -_to(inside)) - np.where(inside, 0.5, -0.5).astype(np.float32)
+    distance = np.where(inside, _distance_to(background), -_distance_to(inside)) - np.where(inside, 0.5, -0.5).astype(np.float32)
     distance = np.clip(distance, -reach_px, reach_px)
-    return distance, (known & (_to(~known) > np.abs(distance))).astype(np.float32)
+    return distance, (known & (_distance_to(~known) > np.abs(distance))).astype(np.float32)
 
 
-def _to(target: np.ndarray) -> np.ndarray:
-    """Distance of every pixel to the nearest pixel of `target`; a large number when there is none."""
+def _distance_to(target: np.ndarray) -> np.ndarray:
+    """Distance of every pixel to the nearest pixel of `target`; a large number for an empty target."""
     return cv2.distanceTransform((~target).view(np.uint8), cv2.DIST_L2, 3)
 
 
@@ -35,16 +35,16 @@ HUBER_PX = 1.5
 
 @njit(cache=True)
 def normal_equations(
-    points: np.ndarray, appearance: np.ndarray, distance: np.ndarray, look: np.ndarray, outline: np.ndarray,
+    points: np.ndarray, appearance: np.ndarray, distance: np.ndarray, image: np.ndarray, outline: np.ndarray,
     pose: np.ndarray, hessian: np.ndarray, gradient: np.ndarray,
 ) -> tuple[float, float]:  # fmt: skip
-    """Add up J^T W J (6, 6) and J^T W r (6,) of all canvas points; returns (robust cost, total weight).
+    """Accumulate J^T W J (6, 6) and J^T W r (6,) over all canvas points; returns (robust cost, total weight).
 
     points: (m, 2) float32 canvas coordinates. appearance: (m, 2) float32 grey value and its weight. distance: (m, 2) float32
-    signed distance to the canvas outline (px, inside positive) and its weight. look, outline: (h, w, 4) float32 of the image:
+    signed distance to the canvas outline (px, inside positive) and its weight. image, outline: (h, w, 4) float32 of the image:
     value, its x and y derivative, and weight, for grey and for signed distance.
     """
-    height, width = look.shape[0], look.shape[1]
+    height, width = image.shape[0], image.shape[1]
     cost, total = 0.0, 0.0
     jacobian = np.zeros(6)
     for i in range(points.shape[0]):
@@ -54,7 +54,7 @@ def normal_equations(
         if x < 0 or y < 0 or x >= width - 1 or y >= height - 1:
             continue
         for kind in range(2):
-            field = look if kind == 0 else outline
+            field = image if kind == 0 else outline
             wanted = appearance if kind == 0 else distance
             weight = wanted[i, 1]
             if weight <= 0:
@@ -87,20 +87,20 @@ def normal_equations(
 
 
 def align(
-    points: np.ndarray, appearance: np.ndarray, distance: np.ndarray, look: np.ndarray, outline: np.ndarray,
+    points: np.ndarray, appearance: np.ndarray, distance: np.ndarray, image: np.ndarray, outline: np.ndarray,
     pose: np.ndarray, expected: np.ndarray, steps: int, stiffness: np.ndarray,
 ) -> tuple[np.ndarray, float]:  # fmt: skip
-    """Improve `pose` (2, 3) by at most `steps` damped Gauss-Newton steps; returns (pose, mean robust cost per weight).
+    """Refine `pose` (2, 3) by at most `steps` damped Gauss-Newton steps; returns (pose, mean robust cost per weight).
 
-    `stiffness` (6, 6) holds the pose, read row by row, near `expected` (2, 3): the weight of a prior, in samples per px^2.
+    `stiffness` (6, 6) is the weight of a prior, in samples per px^2, that keeps the pose, read row by row, near `expected` (2, 3).
     Other arguments as in `normal_equations`.
     """
-    home, best, damping = expected.ravel().astype(np.float64), pose.ravel().astype(np.float64), 1e-3
-    cost, hessian, gradient = _evaluate(points, appearance, distance, look, outline, best, home, stiffness)
+    prior, best, damping = expected.ravel().astype(np.float64), pose.ravel().astype(np.float64), 1e-3
+    cost, hessian, gradient = _evaluate(points, appearance, distance, image, outline, best, prior, stiffness)
     for _ in range(steps):
         step = np.linalg.solve(hessian + damping * np.diag(np.diag(hessian)) + 1e-6 * np.eye(6), gradient)
         trial = best - step
-        outcome = _evaluate(points, appearance, distance, look, outline, trial, home, stiffness)
+        outcome = _evaluate(points, appearance, distance, image, outline, trial, prior, stiffness)
         if outcome[0] < cost:
             best, (cost, hessian, gradient), damping = trial, outcome, damping * 0.3
             if np.abs(step).max() < 0.02:
@@ -111,13 +111,13 @@ def align(
 
 
 def _evaluate(
-    points: np.ndarray, appearance: np.ndarray, distance: np.ndarray, look: np.ndarray, outline: np.ndarray,
-    pose: np.ndarray, home: np.ndarray, stiffness: np.ndarray,
+    points: np.ndarray, appearance: np.ndarray, distance: np.ndarray, image: np.ndarray, outline: np.ndarray,
+    pose: np.ndarray, prior: np.ndarray, stiffness: np.ndarray,
 ) -> tuple[float, np.ndarray, np.ndarray]:  # fmt: skip
     hessian, gradient = np.zeros((6, 6)), np.zeros(6)
-    cost, total = normal_equations(points, appearance, distance, look, outline, pose.reshape(2, 3), hessian, gradient)
+    cost, total = normal_equations(points, appearance, distance, image, outline, pose.reshape(2, 3), hessian, gradient)
     total = max(total, 1.0)
-    away = pose - home
-    pull = stiffness @ away
+    offset = pose - prior
+    prior_gradient = stiffness @ offset
     hessian = (hessian + np.triu(hessian, 1).T + stiffness) / total
-    return (cost + 0.5 * float(away @ pull)) / total, hessian, (gradient + pull) / total
+    return (cost + 0.5 * float(offset @ prior_gradient)) / total, hessian, (gradient + prior_gradient) / total

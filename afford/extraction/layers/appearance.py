@@ -1,4 +1,4 @@
-"""Look the same scene point up in many frames: the kernels that fill a hole of one frame from the others.
+"""Appearance of hidden pixels: colours gathered from other frames, and relighting to match the surroundings.
 
 A scene point is a homogeneous 4-vector, a camera a (3, 4) matrix that maps it to homogeneous image pixels. A plane, or an
 affine object, has points (u, v, 1, 0); the fourth entry is parallax.
@@ -18,12 +18,11 @@ def gather_colour(
     points: np.ndarray, cameras: np.ndarray, rows: np.ndarray, weights: np.ndarray, rgb: np.ndarray, usable: np.ndarray,
     quantile: float,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """Colour of every scene point: the mean of the samples near a weighted quantile of brightness (0.5 the median, higher
-    ones avoid passing shadows).
+    """Gather the colour of every scene point: the mean of the samples near a weighted quantile of brightness.
 
-    points (m, 4) float64; cameras (n, 3, 4) float64, rows (n,) int64 and weights (n,) float64 of the frames to look into;
-    rgb (t, h, w, 3) uint8; usable (t, h, w) bool. Returns colour (m, 3) float32 and the weight (m,) float32 that was found,
-    0 where no frame shows the point.
+    quantile: 0.5 is the median; larger values avoid passing shadows. points (m, 4) float64; cameras (n, 3, 4) float64, rows (n,)
+    int64 and weights (n,) float64 of the source frames; rgb (t, h, w, 3) uint8; usable (t, h, w) bool. Returns colour (m, 3)
+    float32 and the total weight (m,) float32 of the samples, 0 where no frame shows the point.
     """
     height, width = usable.shape[1], usable.shape[2]
     colour, found = np.zeros((points.shape[0], 3), np.float32), np.zeros(points.shape[0], np.float32)
@@ -55,7 +54,7 @@ def gather_colour(
 def gather_votes(
     points: np.ndarray, cameras: np.ndarray, rows: np.ndarray, weights: np.ndarray, inside: np.ndarray, known: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """How many frames, by weight, show every scene point inside the shape, and how many show it at all: (m,), (m,) float32.
+    """Count, by weight, the frames that show every scene point inside the shape, and that show it at all: (m,), (m,) float32.
 
     inside, known: (t, h, w) bool; other arguments as in `gather_colour`. Nearest pixel.
     """
@@ -85,7 +84,7 @@ def _project(camera: np.ndarray, point: np.ndarray) -> tuple[float, float]:
 
 @njit(cache=True)
 def _robust_mean(samples: np.ndarray, count: int, enough: float, order: np.ndarray, out: np.ndarray) -> None:
-    """Mean of the samples (red, green, blue, grey, weight) whose grey is near that of the sample at weight `enough`."""
+    """Average the samples (red, green, blue, grey, weight) whose grey is near the weighted quantile at weight `enough`."""
     for k in range(count):
         place = k
         while place > 0 and samples[order[place - 1], 3] > samples[k, 3]:
@@ -111,16 +110,16 @@ def _robust_mean(samples: np.ndarray, count: int, enough: float, order: np.ndarr
 
 MAX_LOG = 0.9
 MAX_HUE = 0.12
-"""a rim pixel whose channels disagree on the log ratio by more is not the same surface in another light"""
+"""disagreement of the channels on the log ratio at which the weight of a rim pixel halves: it shows another surface, not light"""
 OFFSET = 4.0
 """added to grey values, 0..255, before ratios are taken"""
 SMOOTH_PX = 1.0
-GRIP_SHADE, GRIP_PX = 0.15, 10.0
-"""how much darker, as a log ratio, a thing is deep under the hand that holds it, and how far under the hand that begins"""
+CONTACT_SHADE, CONTACT_SHADE_PX = 0.15, 10.0
+"""darkening (log ratio) of an object deep under the hand that holds it, and the depth scale of the darkening"""
 
 
-def membrane(values: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Smooth (h, w) float32 surface through `values` where `weight` (h, w) is positive: pull-push over a pyramid."""
+def harmonic_fill(values: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Interpolate `values` smoothly from pixels of positive `weight` (h, w): pull-push over a pyramid, (h, w) float32."""
     weight = weight.astype(np.float32)
     levels = [(values.astype(np.float32) * weight, weight)]
     while min(levels[-1][0].shape) > 2:
@@ -128,15 +127,16 @@ def membrane(values: np.ndarray, weight: np.ndarray) -> np.ndarray:
     surface = levels[-1][0] / np.maximum(levels[-1][1], 1e-6)
     for total, mass in reversed(levels[:-1]):
         coarse = cv2.pyrUp(surface, dstsize=mass.shape[::-1])
-        trust = np.minimum(mass * 4, 1)
-        surface = trust * (total / np.maximum(mass, 1e-6)) + (1 - trust) * coarse
+        known = np.minimum(mass * 4, 1)
+        surface = known * (total / np.maximum(mass, 1e-6)) + (1 - known) * coarse
     return surface
 
 
 def log_ratio(image: np.ndarray, fill: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """log(image / fill) of (h, w, 3) images where `weight` (h, w) bool: (h, w) float32, and its weight (h, w) float32 in 0..1.
+    """Log ratio log(image / fill) of (h, w, 3) images, (h, w) float32, and its weight (h, w) float32 in 0..1.
 
-    The weight falls where the channels disagree, because light changes them together.
+    weight: (h, w) bool, pixels that are compared. The weight of the ratio falls where the channels disagree, because light changes
+    them together.
     """
     mass = weight.astype(np.float32)
     share = np.maximum(cv2.GaussianBlur(mass, (0, 0), SMOOTH_PX), 1e-3)[..., None]
@@ -147,15 +147,15 @@ def log_ratio(image: np.ndarray, fill: np.ndarray, weight: np.ndarray) -> tuple[
 
 
 def relight(fill: np.ndarray, image: np.ndarray, rim: np.ndarray) -> np.ndarray:
-    """Scale `fill` (h, w, 3) float32 so that it agrees with `image` (h, w, 3) on the `rim` (h, w) bool, smoothly in between."""
-    return fill * np.exp(membrane(*log_ratio(image, fill, rim)))[..., None] if rim.any() else fill
+    """Scale `fill` (h, w, 3) float32 to agree with `image` (h, w, 3) on the `rim` (h, w) bool, smoothly in between."""
+    return fill * np.exp(harmonic_fill(*log_ratio(image, fill, rim)))[..., None] if rim.any() else fill
 
 
-def grip_shade(hole: np.ndarray) -> np.ndarray:
-    """(h, w) float32 factor: 1 at the border of the `hole` (h, w) bool and darker inside it.
+def contact_shadow(hole: np.ndarray) -> np.ndarray:
+    """Darkening factor (h, w) float32: 1 at the border of the `hole` (h, w) bool and smaller inside it.
 
-    A hand that closes on a thing keeps the light off it, which the rim around the hand does not show.
+    A hand that grasps an object shades it, which the rim around the hand does not show.
     """
     depth_px = cv2.distanceTransform(hole.view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    shade: np.ndarray = np.exp(-GRIP_SHADE * (1 - np.exp(-depth_px / GRIP_PX)))
+    shade: np.ndarray = np.exp(-CONTACT_SHADE * (1 - np.exp(-depth_px / CONTACT_SHADE_PX)))
     return shade

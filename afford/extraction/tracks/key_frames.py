@@ -18,17 +18,17 @@ from schemas.video import SIDES, Annotation, Clip, Frames
 
 @dataclass(frozen=True)
 class Key:
-    """One annotated frame."""
+    """An annotated frame, its annotations as masks at working size."""
 
     at: int
     """position in `Frames.frame`"""
     annotations: tuple[Annotation, ...]
     masks: np.ndarray
-    """(a, h, w) bool, one per annotation"""
+    """(a, h, w) bool, one for each annotation"""
 
 
 def read_keys(clip: Clip, frames: Frames, dense: bool) -> list[Key]:
-    """Annotated frames that were decoded, by frame; `dense` asks for the ready-made ones too. ValueError when none is left."""
+    """Read the decoded key frames of a clip in order; `dense` includes dense annotations. ValueError when no key frame is left."""
     height_px, width_px = frames.rgb.shape[1:3]
     position = {int(number): i for i, number in enumerate(frames.frame)}
     keys = []
@@ -40,34 +40,38 @@ def read_keys(clip: Clip, frames: Frames, dense: bool) -> list[Key]:
         keys.append(Key(position[key.frame], key.annotations, stack))
     if not keys:
         kind = "key frame" if dense else "sparse key frame"
-        raise ValueError(f"clip {clip.clip_id}: expected a {kind} among its {len(frames.frame)} decoded frames, got none")
+        raise ValueError(f"clip {clip.clip_id}: no {kind} among its {len(frames.frame)} decoded frames; annotate one of them")
     return keys
 
 
 def runs(frame: np.ndarray, max_step: int) -> list[slice]:
-    """Stretches of `frame` (t,) whose neighbours are at most `max_step` numbers apart: motion is never chained across a gap."""
+    """Split frame numbers (t,) into runs whose neighbours are at most `max_step` apart; motion is never chained across a gap."""
     cuts = [0, *(np.flatnonzero(np.diff(frame) > max_step) + 1).tolist(), len(frame)]
     return [slice(a, b) for a, b in pairwise(cuts)]
 
 
-Carry = Callable[[Key, Key, np.ndarray], np.ndarray]
-"""(key, next key, masks (m, h, w) bool in the first) -> the same masks (m, h, w) bool in the second"""
+PropagateMasks = Callable[[Key, Key, np.ndarray], np.ndarray]
+"""function of (key, next key, masks (m, h, w) bool in the first) that returns the same masks (m, h, w) bool in the second"""
 
 
 @dataclass(frozen=True)
-class Links:
-    """Entities of a clip, and which of them each annotation of each key frame is (-1: none, e.g. one mask for both hands)."""
+class EntityLinks:
+    """Entities of a clip, and the entity of each annotation."""
 
     entities: tuple[Entity, ...]
     of: list[list[int]]
+    """entity of each annotation, by key frame; -1 without an entity, e.g. for one mask of both hands"""
 
 
-def link(keys: list[Key], carry: Carry, min_iou: float) -> Links:
-    """Find the entities. An instance of a repeated name that overlaps no carried mask by `min_iou` is a new entity."""
+def link_entities(keys: list[Key], propagate_masks: PropagateMasks, min_iou: float) -> EntityLinks:
+    """Link the annotations of all key frames to entities.
+
+    An instance of a repeated name that overlaps no propagated mask by `min_iou` is a new entity.
+    """
     repeated = {name for key in keys for name, n in Counter(_objects(key)).items() if n > 1}
     instance = [[0] * len(key.annotations) for key in keys]
     for name in sorted(repeated):
-        for row, numbers in zip(instance, _follow(name, keys, carry, min_iou), strict=True):
+        for row, numbers in zip(instance, _track_instances(name, keys, propagate_masks, min_iou), strict=True):
             for i, number in numbers.items():
                 row[i] = number
     found = [
@@ -76,7 +80,7 @@ def link(keys: list[Key], carry: Carry, min_iou: float) -> Links:
     ]
     entities = _order({e.entity_id: e for row in reversed(found) for e in row if e})
     index = {entity.entity_id: i for i, entity in enumerate(entities)}
-    return Links(entities, [[index[e.entity_id] if e else -1 for e in row] for row in found])
+    return EntityLinks(entities, [[index[e.entity_id] if e else -1 for e in row] for row in found])
 
 
 def _objects(key: Key) -> list[str]:
@@ -93,17 +97,17 @@ def _entity(annotation: Annotation, instance: int) -> Entity | None:
 
 
 def _order(entities: dict[str, Entity]) -> tuple[Entity, ...]:
-    """Hands first (left, right), then objects by id."""
+    """Sort entities: hands first (left, right), then objects by id."""
     return tuple(sorted(entities.values(), key=lambda e: (e.role != "hand", e.entity_id)))
 
 
-def _follow(name: str, keys: list[Key], carry: Carry, min_iou: float) -> list[dict[int, int]]:
-    """Per key frame: index of each annotation called `name` -> number of its instance, 1-based in order of appearance."""
+def _track_instances(name: str, keys: list[Key], propagate_masks: PropagateMasks, min_iou: float) -> list[dict[int, int]]:
+    """Number the instances of `name`: for each key frame, annotation index -> instance, 1-based in order of appearance."""
     found: list[dict[int, int]] = []
     count = 0
     for k, key in enumerate(keys):
         here = [i for i, a in enumerate(key.annotations) if a.name == name and a.side == ""]
-        numbers = _continue(keys[k - 1], key, found[-1], here, carry, min_iou) if k else {}
+        numbers = _match_instances(keys[k - 1], key, found[-1], here, propagate_masks, min_iou) if k else {}
         for i in here:
             if i not in numbers:
                 count += 1
@@ -112,19 +116,21 @@ def _follow(name: str, keys: list[Key], carry: Carry, min_iou: float) -> list[di
     return found
 
 
-def _continue(last: Key, key: Key, known: dict[int, int], here: list[int], carry: Carry, min_iou: float) -> dict[int, int]:
-    """Instance numbers of the annotations `here` that continue one of the last key frame's."""
+def _match_instances(
+    last: Key, key: Key, known: dict[int, int], here: list[int], propagate_masks: PropagateMasks, min_iou: float
+) -> dict[int, int]:
+    """Match the annotations `here` to instances of the previous key frame by IoU; returns annotation index -> instance."""
     if not known or not here:
         return {}
-    carried = carry(last, key, last.masks[list(known)])
-    overlap = np.array([[iou(mask, key.masks[i]) for i in here] for mask in carried])
+    propagated = propagate_masks(last, key, last.masks[list(known)])
+    overlap = np.array([[iou(mask, key.masks[i]) for i in here] for mask in propagated])
     numbers = list(known.values())
     return {here[j]: numbers[m] for m, j in zip(*linear_sum_assignment(-overlap), strict=True) if overlap[m, j] >= min_iou}
 
 
 @dataclass(frozen=True)
 class Bracket:
-    """Key frames around each frame, as indices into the k key frames, -1 for none. A key frame is on both sides of itself."""
+    """Bracketing key frames of each frame, as indices into the k key frames, -1 without one. A key frame brackets itself."""
 
     at: np.ndarray
     """(k,) positions of the key frames"""
@@ -135,7 +141,7 @@ class Bracket:
 
 
 def bracket(frame: np.ndarray, parts: list[slice], at: np.ndarray) -> Bracket:
-    """Key frames `at` (k,) around each of `frame` (t,); `parts` are the runs that no propagation crosses."""
+    """Find the key frames, at positions `at` (k,), that bracket each of `frame` (t,); `parts` are the runs of the video."""
     before, after = np.full(len(frame), -1), np.full(len(frame), -1)
     for part in parts:
         position = np.arange(part.start, part.stop)
@@ -146,10 +152,10 @@ def bracket(frame: np.ndarray, parts: list[slice], at: np.ndarray) -> Bracket:
     return Bracket(at, before, after)
 
 
-def source_of(frame: np.ndarray, around: Bracket, present: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Frame number of the nearest bracketing key frame that shows the entity, earlier on a tie, and the distance to it.
+def nearest_source(frame: np.ndarray, around: Bracket, present: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Find the nearest bracketing key frame that shows each entity, the earlier on a tie, and its distance in frames.
 
-    present: (n, k) bool. Returns two (n, t) int64 arrays, -1 where neither key frame shows it.
+    present: (n, k) bool. Returns frame numbers and distances, both (n, t) int64, -1 where neither key frame shows the entity.
     """
     key_frame = frame[around.at]
     gaps = []
@@ -163,8 +169,8 @@ def source_of(frame: np.ndarray, around: Bracket, present: np.ndarray) -> tuple[
     return np.where(none, -1, source), np.where(none, -1, distance)
 
 
-def flags_of(visible: np.ndarray, around: Bracket, present: np.ndarray) -> np.ndarray:
-    """TrackFlag bits (n, t) uint8. ENTERING and LEAVING mark every frame between the two key frames, in sight or not."""
+def track_flags(visible: np.ndarray, around: Bracket, present: np.ndarray) -> np.ndarray:
+    """Compute TrackFlag bits (n, t) uint8. ENTERING and LEAVING mark every frame between the two key frames."""
     shown_before, shown_after = (present[:, key] & (key >= 0) for key in (around.before, around.after))
     both = (around.before >= 0) & (around.after >= 0)
     is_key = both & (around.before == around.after)

@@ -1,7 +1,7 @@
-"""SAM 2 follows the key frames' masks through the video, forwards and backwards; each frame trusts the nearer key frame more.
+"""Propagate key-frame masks with SAM 2 video segmentation, forwards and backwards, weighted by nearness to the key frames.
 
-Between two key frames both are prompts, with `params.memory_keys` on each side in all; one way starts at the earlier, one at the
-later, and their logits are mixed by nearness.
+Between two key frames `params.memory_keys` key frames on each side are prompts. One pass starts at the earlier key frame, one
+at the later, and their logits are blended by nearness.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ WEIGHTS = "a Sam2VideoModel: folder of save_pretrained, sam2*_hiera_*.pt, or hub
 
 
 def propagate(rgb: np.ndarray, key_index: np.ndarray, key_labels: np.ndarray, count: int, params: Sam2) -> Propagated:
-    """See `Propagate`. Where two entities claim a pixel, the larger logit has it; confidence is the mean probability inside."""
+    """Propagate with SAM 2, see `Propagate`. The entity with the largest logit gets a pixel; confidence is the mean probability."""
     model = load_model(params.model, params.device, params.dtype)
     labels = np.zeros(rgb.shape[:3], np.int16)
     confidence = np.zeros((count, len(rgb)), np.float32)
@@ -28,13 +28,13 @@ def propagate(rgb: np.ndarray, key_index: np.ndarray, key_labels: np.ndarray, co
     for i in range(count):
         confidence[i, key_index] = (key_labels == i + 1).any(axis=(1, 2))
     for before, after in pairwise([None, *range(len(key_index)), None]):
-        near = _near(before, after, len(key_index), params.memory_keys)
+        near = _memory_keys(before, after, len(key_index), params.memory_keys)
         local = np.setdiff1d(np.unique(key_labels[near]), (BACKGROUND, UNKNOWN))
         prompts = {int(key_index[k]): key_labels[k][None] == local[:, None, None] for k in near}
         if not len(local):
             continue
         first, last = (None if k is None else int(key_index[k]) for k in (before, after))
-        for at, logits in _between(model, rgb, prompts, first, last, params.cache_frames):
+        for at, logits in _blend_directions(model, rgb, prompts, first, last, params.cache_frames):
             found = full_size(logits, rgb.shape[1:3])
             inside = found.max(axis=0) > 0
             labels[at] = np.where(inside, local[found.argmax(axis=0)], BACKGROUND)
@@ -42,16 +42,16 @@ def propagate(rgb: np.ndarray, key_index: np.ndarray, key_labels: np.ndarray, co
     return Propagated(labels, confidence)
 
 
-def _near(before: int | None, after: int | None, count: int, keys: int) -> list[int]:
-    """Key frames that the model remembers between two neighbours: `keys` on each side, one at least."""
+def _memory_keys(before: int | None, after: int | None, count: int, keys: int) -> list[int]:
+    """Key frames that prompt the model between two neighbouring ones: `keys` on each side, at least one."""
     early = range(max(before - max(keys, 1) + 1, 0), before + 1) if before is not None else range(0)
     late = range(after, min(after + max(keys, 1), count)) if after is not None else range(0)
     return [*early, *late]
 
 
-def _between(model: Any, rgb: np.ndarray, prompts: dict[int, np.ndarray], first: int | None, last: int | None,
+def _blend_directions(model: Any, rgb: np.ndarray, prompts: dict[int, np.ndarray], first: int | None, last: int | None,
              cache: int) -> Iterator[tuple[int, torch.Tensor]]:  # fmt: skip
-    """Logits (n, h', w') of the frames between two key frames, or beyond the only one. Both ways share the image features."""
+    """Yield logits (n, h', w') of the frames between two key frames, or beyond the only one. Both passes share image features."""
     between = range(0 if first is None else first + 1, len(rgb) if last is None else last)
     if not between:
         return
@@ -73,7 +73,7 @@ def _between(model: Any, rgb: np.ndarray, prompts: dict[int, np.ndarray], first:
 
 
 def _confidence(logits: np.ndarray, labels: np.ndarray, local: np.ndarray) -> np.ndarray:
-    """(n,) float32: mean probability of the pixels that an entity got, 0 where it got none."""
+    """Mean probability (n,) float32 of the pixels of each entity, 0 for an entity without pixels."""
     out = np.zeros(len(local), np.float32)
     for i, label in enumerate(local):
         inside = logits[i][labels == label]

@@ -1,4 +1,4 @@
-"""What a comparison of masks came to: shares with Wilson's intervals, and differences with intervals over objects."""
+"""Report of a comparison of masks: rates with Wilson intervals, and differences with bootstrap intervals over objects."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ RESAMPLES = 2000
 SHARES = ("found", "held", "negative_end", "success")
 AGAINST = (("affordance", "whole"), ("affordance+N", "whole+N"), ("affordance+N", "whole"), ("affordance+N", "affordance"),
            ("predicted", "whole"), ("predicted+N", "whole"))  # fmt: skip
-"""pairs of methods whose difference is told"""
+"""pairs of methods whose difference is reported"""
 
 
 @dataclass(frozen=True)
 class Row:
-    """A share of trials, or a difference of two; low and high are the ends of its 95 % interval."""
+    """Rate over trials, or difference of two rates, with the ends of its 95 % interval."""
 
     engine: str
     method: str
@@ -31,14 +31,14 @@ class Row:
 
 
 def shares(found: Sequence[GraspComparison]) -> Iterator[Row]:
-    """Wilson's interval for each figure, method and engine."""
+    """Yield the Wilson interval of each figure, method and engine."""
     for engine, method, name in _cells(found):
         values = np.concatenate(_trials(found, engine, method, name))
         yield Row(engine, method, name, float(values.mean()), *wilson_interval(int(values.sum()), len(values)), len(values))
 
 
 def differences(found: Sequence[GraspComparison], seed: int) -> Iterator[Row]:
-    """One method less another, the same looks at the same objects; objects are resampled whole."""
+    """Yield differences of two methods on the same views of the same objects; the bootstrap resamples whole objects."""
     for engine in found[0].engines:
         for one, other in AGAINST:
             if {one, other} <= set(found[0].methods):
@@ -49,7 +49,7 @@ def differences(found: Sequence[GraspComparison], seed: int) -> Iterator[Row]:
 
 
 def table(found: Sequence[GraspComparison], seed: int) -> str:
-    """Markdown: a row for each method and engine, then the differences."""
+    """Format the report in Markdown: a row for each method and engine, then the differences."""
     rows = list(shares(found))
     lines = ["| masks | engine | IoU | found | held | presses on negative parts | held, and does not |",
              "|---|---|--:|--:|--:|--:|--:|"]  # fmt: skip
@@ -72,5 +72,5 @@ def _cells(found: Sequence[GraspComparison]) -> Iterator[tuple[str, str, str]]:
 
 
 def _trials(found: Sequence[GraspComparison], engine: str, method: str, name: str) -> list[np.ndarray]:
-    """The trials (t * l,) of each object."""
+    """Return the trials (t * l,) of each object."""
     return [one.figure(name)[one.methods.index(method), one.engines.index(engine)].reshape(-1) for one in found]

@@ -1,4 +1,7 @@
-"""A look at a thing -> grasps of the hands that its task takes, best first, and of two hands those that go together."""
+"""Find grasp candidates: score sampled poses, keep the best that differ, and pair those of two hands.
+
+A score is the weighted geometric mean of eight terms in 0..1, so a term of 0 rules a pose out.
+"""
 
 from __future__ import annotations
 
@@ -17,42 +20,42 @@ from schemas.video import SIDES, Hand
 WEIGHTS: Mapping[str, float] = {"positive": 2.0, "negative": 1.0, "antipodal": 0.5, "centred": 1.0, "clear": 1.0, "fit": 0.5,
                                 "upright": 1.0, "reach": 0.1}  # fmt: skip
 TIP_X_M = np.array([0.01, 0.016, -0.006, -0.028, -0.052])
-"""thumb, index, middle, ring and little finger along the thing, thumb's side positive: the Shadow Hand as the script closes it"""
+"""thumb, index, middle, ring, little finger along the object, positive on the thumb's side; scripted Shadow Hand"""
 SAFE_M, FREE_M = 0.02, 0.05
-"""fingertips nearer to a negative point rule a pose out; from the other on, nothing is gained (AS of AffordDex: 2 cm)"""
+"""distance of fingertips to negative points that rules a pose out, and from which the term is 1 (AS of AffordDex: 2 cm)"""
 CLEAR_M = 0.02
-"""fingers that are so far from all else are clear of it"""
+"""clearance of fingers from other objects at which the term is 1"""
 SINK_M = 0.006
-"""fingertips so far below what the thing lies on are not possible"""
+"""depth of fingertips below the support at which the term is 0"""
 ROOM_M = 0.01
-"""between the tip of a finger and what it closes on, before it closes"""
+"""gap between a finger and the object before closing"""
 CENTRED_M = 0.06
-"""so far from the middle of the thing a grasp is worth half"""
+"""distance from the middle of the object at which the term is one half"""
 EASY = 0.6
-"""share of the span up to which a width is held with ease"""
+"""share of the span up to which the width term is 1"""
 
 
 @dataclass(frozen=True, eq=False)
 class ScoringContext:
-    """What poses of one hand are judged against."""
+    """Scene around the poses of one hand."""
 
     cloud: PointCloud
     region: np.ndarray
-    """(n,) share of each point where this hand belongs"""
+    """(n,) share of each point's pixels in the region of this hand"""
     body: np.ndarray
-    """(n,) bool, the points of the thing"""
+    """(n,) bool, the points of the object"""
     support: SupportPlane
     negative: np.ndarray
     """(k, 3) points that no hand may touch"""
     span_m: float
-    """the widest that the hand spans"""
+    """largest width that the hand spans"""
     shoulder: np.ndarray
-    """(3,) where the arm comes from, camera frame"""
+    """(3,) origin of the arm, camera frame"""
     side: str
 
 
 def fingertips(found: Sequence[GraspPose], side: str, room_m: float = 0.0) -> np.ndarray:
-    """(n, 5, 3) where fingers end, thumb first; `room_m` farther apart than what they hold is wide."""
+    """Return (n, 5, 3) fingertips, thumb first, `room_m` farther apart than the width of the grasp."""
     mirror = 1.0 if side == "right" else -1.0
     local = np.zeros((len(found), 5, 3))
     half = np.array([pose.width_m for pose in found])[:, None] / 2 + room_m
@@ -61,30 +64,31 @@ def fingertips(found: Sequence[GraspPose], side: str, room_m: float = 0.0) -> np
     return np.einsum("nij,nkj->nki", R, local) + place[:, None]
 
 
-def score_terms(found: Sequence[GraspPose], sight: ScoringContext) -> np.ndarray:
-    """(n, 8) the terms of each pose."""
-    ends, open_ends = fingertips(found, sight.side), fingertips(found, sight.side, ROOM_M)
+def score_terms(found: Sequence[GraspPose], context: ScoringContext) -> np.ndarray:
+    """Compute the terms of each pose, (n, 8)."""
+    ends, open_ends = fingertips(found, context.side), fingertips(found, context.side, ROOM_M)
     columns = {
-        "positive": _positive(found, sight), "negative": _negative(ends, open_ends, sight),
-        "antipodal": np.array([0.5 * (1 + pose.square) for pose in found]), "centred": _centred(found, sight),
-        "clear": _clear(found, open_ends, sight), "fit": _fit(found, sight.span_m),
-        "upright": _upright(found, sight), "reach": _reach(found, sight)}  # fmt: skip
+        "positive": _positive(found, context), "negative": _negative(ends, open_ends, context),
+        "antipodal": np.array([0.5 * (1 + pose.square) for pose in found]), "centred": _centred(found, context),
+        "clear": _clear(found, open_ends, context), "fit": _fit(found, context.span_m),
+        "upright": _upright(found, context), "reach": _reach(found, context)}  # fmt: skip
     return np.stack([columns[name].clip(0.0, 1.0) for name in TERMS], axis=1)
 
 
 def score(terms: np.ndarray, weights: Mapping[str, float] = WEIGHTS) -> np.ndarray:
-    """(n,) weighted geometric mean of terms (n, 8)."""
+    """Compute the (n,) weighted geometric mean of terms (n, 8)."""
     w = np.array([weights[name] for name in TERMS])
     found: np.ndarray = np.prod(terms ** (w / w.sum()), axis=1)
     return found
 
 
-def _positive(found: Sequence[GraspPose], sight: ScoringContext) -> np.ndarray:
-    """Share of what is between thumb and fingers that is positive."""
-    points, share, tree = sight.cloud.points[sight.body], sight.region[sight.body], cKDTree(sight.cloud.points[sight.body])
-    mirror = 1.0 if sight.side == "right" else -1.0
+def _positive(found: Sequence[GraspPose], context: ScoringContext) -> np.ndarray:
+    """Share of the material between thumb and fingers that is positive."""
+    points, share = context.cloud.points[context.body], context.region[context.body]
+    tree = cKDTree(points)
+    mirror = 1.0 if context.side == "right" else -1.0
     low, high = np.sort(mirror * np.array([TIP_X_M.min(), TIP_X_M.max()]))
-    reach = float(max(abs(low), high)) + sight.span_m
+    reach = float(max(abs(low), high)) + context.span_m
     near = tree.query_ball_point(np.array([pose.place for pose in found]), reach)
     out = np.zeros(len(found))
     for n, (pose, k) in enumerate(zip(found, near, strict=True)):
@@ -94,30 +98,30 @@ def _positive(found: Sequence[GraspPose], sight: ScoringContext) -> np.ndarray:
     return out
 
 
-def _negative(ends: np.ndarray, open_ends: np.ndarray, sight: ScoringContext) -> np.ndarray:
-    """0 within SAFE_M of a negative point, open or closed, 1 from FREE_M on."""
-    if not len(sight.negative):
+def _negative(ends: np.ndarray, open_ends: np.ndarray, context: ScoringContext) -> np.ndarray:
+    """Term of negative points: 0 within SAFE_M of one, open or closed, 1 from FREE_M on."""
+    if not len(context.negative):
         return np.ones(len(ends))
-    tree = cKDTree(sight.negative)
+    tree = cKDTree(context.negative)
     least = np.minimum(tree.query(ends)[0].min(1), tree.query(open_ends)[0].min(1))
     found: np.ndarray = np.where(least > SAFE_M, 0.25 + 0.75 * (least - SAFE_M) / (FREE_M - SAFE_M), 0.0)
     return found
 
 
-def _centred(found: Sequence[GraspPose], sight: ScoringContext) -> np.ndarray:
-    """How near the middle of all that is seen of the thing is, beside the approach: a thing held there does not turn."""
-    middle = sight.cloud.points[sight.body].mean(0)
+def _centred(found: Sequence[GraspPose], context: ScoringContext) -> np.ndarray:
+    """Closeness of the visible object's middle to the approach axis: an object held there does not rotate."""
+    middle = context.cloud.points[context.body].mean(0)
     aside = [middle - pose.place - pose.R[:, 1] * (pose.R[:, 1] @ (middle - pose.place)) for pose in found]
     far = np.linalg.norm(np.array(aside), axis=1)
-    found_: np.ndarray = 1.0 / (1.0 + (far / CENTRED_M) ** 2)
-    return found_
+    closeness: np.ndarray = 1.0 / (1.0 + (far / CENTRED_M) ** 2)
+    return closeness
 
 
-def _clear(found: Sequence[GraspPose], open_ends: np.ndarray, sight: ScoringContext) -> np.ndarray:
-    """How far open fingers stay from other things, and above what all lies on."""
-    height = sight.support.height(open_ends).min(1)
+def _clear(found: Sequence[GraspPose], open_ends: np.ndarray, context: ScoringContext) -> np.ndarray:
+    """Clearance of open fingers from other objects and from the support."""
+    height = context.support.height(open_ends).min(1)
     above = ((height + SINK_M) / SINK_M).clip(0.0, 1.0)
-    other = sight.cloud.points[~sight.body & (sight.support.height(sight.cloud.points) > LIFT_M)]
+    other = context.cloud.points[~context.body & (context.support.height(context.cloud.points) > LIFT_M)]
     if not len(other):
         return above
     back = np.array([pose.R[:, 1] for pose in found])[:, None]
@@ -127,65 +131,65 @@ def _clear(found: Sequence[GraspPose], open_ends: np.ndarray, sight: ScoringCont
 
 
 def _fit(found: Sequence[GraspPose], span_m: float) -> np.ndarray:
-    """1 for what is held with ease, 0 for what the hand does not span."""
+    """Width term: 1 for widths well within the span, 0 for widths beyond it."""
     width = np.array([pose.width_m for pose in found])
     return (span_m - width) / ((1 - EASY) * span_m)
 
 
-def _upright(found: Sequence[GraspPose], sight: ScoringContext) -> np.ndarray:
-    """How straight the hand comes to what the thing lies on; without that, to the side that the camera sees."""
-    up = sight.support.up if sight.support.known else -sight.cloud.points[sight.body].mean(0)
+def _upright(found: Sequence[GraspPose], context: ScoringContext) -> np.ndarray:
+    """Alignment of the approach with the support normal; without a support, with the direction to the camera."""
+    up = context.support.up if context.support.known else -context.cloud.points[context.body].mean(0)
     straight = np.array([pose.R[:, 1] @ up for pose in found]) / np.linalg.norm(up)
     return straight.clip(0.0, 1.0) ** 2
 
 
-def _reach(found: Sequence[GraspPose], sight: ScoringContext) -> np.ndarray:
-    """Whether fingers point away from the shoulder that the arm comes from, beside the approach."""
+def _reach(found: Sequence[GraspPose], context: ScoringContext) -> np.ndarray:
+    """Alignment of the fingers with the direction away from the shoulder, orthogonal to the approach."""
     out = np.zeros(len(found))
     for n, pose in enumerate(found):
-        arm = pose.place - sight.shoulder
+        arm = pose.place - context.shoulder
         arm = arm - pose.R[:, 1] * (pose.R[:, 1] @ arm)
         out[n] = 0.5 + 0.5 * float(pose.R[:, 2] @ arm) / max(float(np.linalg.norm(arm)), 1e-9)
     return 0.05 + 0.95 * out
 
 
 ALIKE_M, ALIKE_RAD = 0.015, np.radians(30)
-"""a grasp nearer than both to a better one is left out"""
+"""non-maximum suppression: a pose nearer than both to a better one is dropped"""
 APART_M = 0.09
-"""two hands whose grasps are nearer would touch each other; from twice that on they are free"""
+"""two hands nearer than this would collide; from twice this distance on, the term is 1"""
 
 
 @dataclass(frozen=True)
 class SearchParams:
-    """What is asked of the grasps."""
+    """Parameters of the search, as in stages/grasping/grasp_candidates.py."""
 
     count: int = 10
     """grasps of each hand"""
     places: int = 64
-    """that are tried in each region"""
+    """places sampled in each region"""
     cell_m: float = 0.004
-    """of the cloud"""
+    """voxel size of the cloud"""
     around_m: float = 0.2
-    """how far around the regions it is looked at"""
+    """radius around the regions that the cloud covers"""
     span_m: float = 0.09
-    """the widest that a hand spans"""
+    """largest width that a hand spans"""
     lean_deg: float = 60.0
-    """how far from upright a hand may come to a thing that lies on something"""
+    """largest angle of the approach to the support normal"""
     shoulder_m: tuple[float, float, float] = field(default=(0.2, 0.25, 0.0))
-    """where the right arm comes from, camera frame; the left one mirrored in x"""
+    """origin of the right arm, camera frame; mirrored in x for the left arm"""
 
 
-def find_candidates(scene: GraspScene, wish: SearchParams) -> GraspCandidates:
-    """All grasps of a look. ValueError when a hand that is taken has no region with depth."""
-    found = point_cloud(scene, wish.cell_m, wish.around_m)
+def find_candidates(scene: GraspScene, params: SearchParams) -> GraspCandidates:
+    """Find the grasps of all hands in use; ValueError when a hand in use has no region with depth."""
+    found = point_cloud(scene, params.cell_m, params.around_m)
     on = support_plane(found)
-    hands = tuple(_hand(scene, found, on, side, n, wish) if scene.hands[n] else _none(side) for n, side in enumerate(SIDES))
+    hands = tuple(_hand(scene, found, on, side, n, params) if scene.hands[n] else _none(side) for n, side in enumerate(SIDES))
     pair, pair_score = pair_hands(hands[0], hands[1]) if scene.hands.all() else (np.zeros((0, 2), np.int32), np.zeros(0))
     return GraspCandidates(scene.name, hands, pair, pair_score, on.up)
 
 
 def pair_hands(left: HandCandidates, right: HandCandidates) -> tuple[np.ndarray, np.ndarray]:
-    """(p, 2) int32 indices of grasps that go together and (p,) scores, best first: both good, and apart."""
+    """Pair grasps of both hands: (p, 2) int32 indices and (p,) scores, best first; both good and far enough apart."""
     far = np.linalg.norm(left.T_cam_grasp[:, None, :3, 3] - right.T_cam_grasp[None, :, :3, 3], axis=2)
     both = np.sqrt(left.score[:, None] * right.score[None]) * ((far - APART_M) / APART_M).clip(0.0, 1.0)
     order = np.argsort(-both, axis=None, kind="stable")[: max(both.shape, default=0)]
@@ -194,24 +198,24 @@ def pair_hands(left: HandCandidates, right: HandCandidates) -> tuple[np.ndarray,
     return rows[good], both.reshape(-1)[order][good]
 
 
-def _hand(scene: GraspScene, found: PointCloud, on: SupportPlane, side: Hand, row: int, wish: SearchParams) -> HandCandidates:
+def _hand(scene: GraspScene, found: PointCloud, on: SupportPlane, side: Hand, row: int, params: SearchParams) -> HandCandidates:
     share = found.region[row]
     if not (share >= 0.5).any():
-        raise ValueError(f"{scene.name}: expected a region with depth for the {side} hand, got none; leave that hand out")
+        raise ValueError(f"{scene.name}: the region of the {side} hand has no depth; leave that hand out")
     body = object_points(found, share >= 0.5, on)
-    spots = spread_places((share >= 0.5) & body, found, wish.places)
-    tried = [pose for pose in sample_poses(found, body, spots, on, wish.lean_deg, wish.cell_m) if pose.width_m <= wish.span_m]
+    spots = spread_places((share >= 0.5) & body, found, params.places)
+    tried = [pose for pose in sample_poses(found, body, spots, on, params.lean_deg, params.cell_m) if pose.width_m <= params.span_m]
     if not tried:
         return _none(side)
     mirror = np.array([1.0 if side == "right" else -1.0, 1.0, 1.0])
     bad = np.concatenate([found.points[found.negative >= 0.5], scene.N_t])
-    sight = ScoringContext(found, share, body, on, bad, wish.span_m, mirror * wish.shoulder_m, side)
-    terms = score_terms(tried, sight)
-    return _best(tried, terms, score(terms), side, wish.count)
+    context = ScoringContext(found, share, body, on, bad, params.span_m, mirror * params.shoulder_m, side)
+    terms = score_terms(tried, context)
+    return _suppress(tried, terms, score(terms), side, params.count)
 
 
-def _best(tried: Sequence[GraspPose], terms: np.ndarray, value: np.ndarray, side: Hand, count: int) -> HandCandidates:
-    """The best that differ from each other, none with a score of 0."""
+def _suppress(tried: Sequence[GraspPose], terms: np.ndarray, value: np.ndarray, side: Hand, count: int) -> HandCandidates:
+    """Keep the best poses that differ from each other (non-maximum suppression), without scores of 0."""
     kept: list[int] = []
     for k in np.argsort(-value, kind="stable"):
         if len(kept) == count or value[k] <= 0:

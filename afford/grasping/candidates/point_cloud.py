@@ -1,4 +1,7 @@
-"""A picture with depth as points: unprojected, thinned to a grid of cells, with normals and what the masks say of each."""
+"""Point cloud of a depth image, the plane that supports the object, and the points of the object.
+
+The depth image is unprojected and downsampled to voxels, with normals and the values of the masks. Nothing is random.
+"""
 
 from __future__ import annotations
 
@@ -13,33 +16,33 @@ from afford.common.geometry import farthest_point_sampling
 from schemas.grasp import GraspScene
 
 NEIGHBOURS = 16
-"""that a normal is fitted to"""
+"""points to which a normal is fitted"""
 LONELY = 4.0
-"""a point whose fourth neighbour is farther than this many cells hangs in the air between two things"""
+"""a point whose fourth neighbour is farther than this many voxels is an outlier between two surfaces"""
 
 
 @dataclass(frozen=True, eq=False)
 class PointCloud:
-    """n points as the camera sees them (camera frame, metres)."""
+    """n points in the camera frame, metres."""
 
     points: np.ndarray
     """(n, 3)"""
     normals: np.ndarray
     """(n, 3) unit, towards the camera"""
     region: np.ndarray
-    """(2, n) share of each point's pixels where the (left, right) hand belongs"""
+    """(2, n) share of each point's pixels in the region of the (left, right) hand"""
     negative: np.ndarray
-    """(n,) share that no hand may touch"""
+    """(n,) share of its pixels that no hand may touch"""
     rgb: np.ndarray
     """(n, 3) uint8"""
 
     def cut(self, keep: np.ndarray) -> PointCloud:
-        """The points of a mask (n,)."""
+        """Return the points of a mask (n,)."""
         return PointCloud(self.points[keep], self.normals[keep], self.region[:, keep], self.negative[keep], self.rgb[keep])
 
 
 def unproject(depth_m: np.ndarray, K: np.ndarray) -> np.ndarray:
-    """(h, w, 3) metres in the camera's frame of depths (h, w); pixel centres are whole numbers."""
+    """Unproject depths (h, w) to points (h, w, 3) in the camera frame, metres; pixel centres are whole numbers."""
     y, x = np.indices(depth_m.shape, dtype=np.float64)
     down = (y - K[1, 2]) / K[1, 1]
     rays = np.stack([(x - K[0, 2] - K[0, 1] * down) / K[0, 0], down, np.ones_like(x)], axis=-1)
@@ -48,23 +51,26 @@ def unproject(depth_m: np.ndarray, K: np.ndarray) -> np.ndarray:
 
 
 def point_cloud(scene: GraspScene, cell_m: float, around_m: float) -> PointCloud:
-    """The cloud within `around_m` of any region, a point for each cell of `cell_m`. ValueError when no region has depth."""
+    """Build the cloud within `around_m` of any region, one point per voxel of `cell_m`.
+
+    ValueError when no region has depth.
+    """
     points, seen = unproject(scene.depth_m, scene.K), scene.depth_m > 0
     wanted = (scene.region & scene.hands[:, None, None]).any(0)
     core = points[wanted & seen]
     if not len(core):
         sides = " and ".join(side for side, used in zip(("left", "right"), scene.hands, strict=True) if used) or "either"
-        got = f"{int(wanted.sum())} pixels of which none has depth" if wanted.any() else "an empty mask"
+        got = f"{int(wanted.sum())} pixels without depth" if wanted.any() else "an empty mask"
         raise ValueError(f"{scene.name}: expected a region with depth for the {sides} hand, got {got}; check masks, depth and "
                          "hands")  # fmt: skip
     low, high = core.min(0) - around_m, core.max(0) + around_m
     near = seen & ((points >= low) & (points <= high)).all(-1)
     values = np.concatenate([points[near], scene.region[:, near].T, scene.negative[near][:, None], scene.rgb[near]], axis=1)
-    return _solid(voxel_downsample(points[near], values, cell_m), cell_m)
+    return _without_outliers(voxel_downsample(points[near], values, cell_m), cell_m)
 
 
 def voxel_downsample(points: np.ndarray, values: np.ndarray, cell_m: float) -> np.ndarray:
-    """(c, k) mean of the values (n, k) of the points (n, 3) in each cell of a grid."""
+    """Average the values (n, k) of the points (n, 3) in each voxel of a grid: (c, k)."""
     _, cell = np.unique(np.floor(points / cell_m).astype(np.int64), axis=0, return_inverse=True)
     cell = cell.reshape(-1)
     count = np.bincount(cell)
@@ -72,7 +78,7 @@ def voxel_downsample(points: np.ndarray, values: np.ndarray, cell_m: float) -> n
 
 
 def estimate_normals(points: np.ndarray, neighbours: int = NEIGHBOURS) -> np.ndarray:
-    """(n, 3) unit normals of the planes through each point's neighbours, towards the origin."""
+    """Estimate unit normals (n, 3) from planes through each point's neighbours, oriented towards the origin."""
     _, near = cKDTree(points).query(points, k=min(neighbours, len(points)))
     local = points[near.reshape(len(points), -1)]
     local = local - local.mean(1, keepdims=True)
@@ -80,8 +86,8 @@ def estimate_normals(points: np.ndarray, neighbours: int = NEIGHBOURS) -> np.nda
     return np.where((found * points).sum(1, keepdims=True) > 0, -found, found)
 
 
-def _solid(rows: np.ndarray, cell_m: float) -> PointCloud:
-    """Without points that hang in the air."""
+def _without_outliers(rows: np.ndarray, cell_m: float) -> PointCloud:
+    """Remove outliers."""
     if len(rows) > 4:
         rows = rows[cKDTree(rows[:, :3]).query(rows[:, :3], k=5)[0][:, 4] <= LONELY * cell_m]
     if len(rows) < NEIGHBOURS:
@@ -92,35 +98,38 @@ def _solid(rows: np.ndarray, cell_m: float) -> PointCloud:
 
 
 PROPOSALS = 64
-"""places, far apart, each of which proposes the plane of its own normal: nothing is drawn by chance"""
+"""points, far apart, each of which proposes the plane through it with its own normal"""
 NEAR_M = 0.006
-"""points this near to a plane lie in it"""
+"""distance up to which a point is an inlier of a plane"""
 LEAST_SHARE = 0.2
-"""of all points, that what a thing lies on must have"""
+"""share of all points that the support plane must contain"""
 WIDE_M = 0.03
-"""standard deviation of its points along its narrower side, at least: no strip of a thing that hangs in the air"""
+"""standard deviation of the inliers along their narrower side, at least; rules out narrow strips of an object"""
 LIFT_M = 0.006
-"""points higher above it belong to what lies on it"""
+"""points higher above the plane belong to objects on it"""
 APART_M = 0.012
-"""points farther apart belong to different things"""
+"""points farther apart belong to different objects"""
 MINE = 0.1
-"""a piece that holds so much of a region belongs to its thing"""
+"""a component that contains this share of a region belongs to its object"""
 
 
 @dataclass(frozen=True, eq=False)
 class SupportPlane:
-    """A plane: normal @ x = offset, its normal towards the camera. Without one `up` is zero, and everything is far above it."""
+    """Plane normal @ x = offset, with its normal towards the camera.
+
+    When there is none, `up` is zero and every height is infinite.
+    """
 
     up: np.ndarray
     offset_m: float
 
     @property
     def known(self) -> bool:
-        """Whether there is one."""
+        """True when a plane was found."""
         return bool(self.up.any())
 
     def height(self, points: np.ndarray) -> np.ndarray:
-        """(...,) metres above it of points (..., 3); infinite without one."""
+        """Return the (...,) height of points (..., 3) above the plane, metres; infinite without a plane."""
         return points @ self.up - self.offset_m if self.known else np.full(points.shape[:-1], np.inf)
 
 
@@ -128,7 +137,7 @@ NONE = SupportPlane(np.zeros(3), 0.0)
 
 
 def support_plane(found: PointCloud) -> SupportPlane:
-    """The plane that holds most of what is in no region, if it holds enough."""
+    """Find the plane that contains most points outside all regions, if it contains enough."""
     rest = np.flatnonzero((found.region.max(0) < 0.5) & (found.negative < 0.5))
     spots = rest[farthest_point_sampling(found.points[rest], PROPOSALS)]
     if not len(spots):
@@ -143,7 +152,10 @@ def support_plane(found: PointCloud) -> SupportPlane:
 
 
 def object_points(found: PointCloud, region: np.ndarray, on: SupportPlane) -> np.ndarray:
-    """(n,) bool: the points of what the region (n,) bool is a part of: pieces above the support that hold some of it, and it."""
+    """Return (n,) bool: the points of the object of which the region (n,) bool is a part.
+
+    They are the region and the connected components above the support that contain some of it.
+    """
     high = np.flatnonzero(on.height(found.points) > LIFT_M)
     if not len(high):
         return region
@@ -156,13 +168,13 @@ def object_points(found: PointCloud, region: np.ndarray, on: SupportPlane) -> np
 
 
 def _narrow(points: np.ndarray) -> float:
-    """Standard deviation along the second axis."""
+    """Return the standard deviation along the second principal axis."""
     local = points - points.mean(0)
     return float(np.sqrt(np.linalg.eigvalsh(local.T @ local / len(points))[1]))
 
 
 def _through(points: np.ndarray) -> SupportPlane:
-    """The plane nearest to points."""
+    """Fit a plane to points by least squares."""
     middle = points.mean(0)
     local = points - middle
     up = np.linalg.eigh(local.T @ local)[1][:, 0]

@@ -1,4 +1,4 @@
-"""Files of a look: depth, camera, masks as `predict` writes them, what no hand may touch. What does not fit is one sentence."""
+"""Read a grasp scene from files: depth, camera, masks as `predict` writes them, and regions that no hand may touch."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ FITS = "masks, depth and picture must show the same pixels"
 
 @dataclass(frozen=True)
 class SceneFiles:
-    """Where the parts of a look lie."""
+    """Paths and options of a scene."""
 
     depth: Path
     masks: Path | None = None
@@ -35,13 +35,13 @@ class SceneFiles:
     object_pose: Path | None = None
     """T_cam_obj as JSON, for negative.json"""
     taxonomy: str = ""
-    """one of TAXONOMY; '' for what the prediction says, or for the hands that have a mask"""
+    """one of TAXONOMY; '' for that of the prediction, or for the hands that have a mask"""
     hands: str = "auto"
     """auto, left, right or both"""
 
 
 def read(files: SceneFiles) -> GraspScene:
-    """The look. SourceError when a part is missing or does not fit the others."""
+    """Read the scene; SourceError when a file is missing or does not fit the others."""
     depth_m = read_depth(files.depth)
     region = _regions(files, depth_m.shape)
     mask, points = _negative(files, depth_m.shape)
@@ -50,11 +50,11 @@ def read(files: SceneFiles) -> GraspScene:
 
 
 def check_regions(files: SceneFiles, scene: GraspScene) -> None:
-    """SourceError, which names the file, when no hand is taken, or one whose region holds no pixel with depth."""
+    """Check the regions; SourceError names the file when no hand is in use, or a hand in use has no pixel with depth."""
     places = _places(files)
     if not scene.hands.any():
-        raise SourceError(" and ".join(str(path) for path in places if path), "a region for a hand", "none",
-                          "predict again, or say with --hands which hand is meant")
+        raise SourceError(" and ".join(str(path) for path in places if path), "a region for a hand", "empty masks",
+                          "predict again, or choose a hand with --hands")
     for side, path, mask, used in zip(SIDES, places, scene.region, scene.hands, strict=True):
         if used and not (mask & (scene.depth_m > 0)).any():
             empty = "an empty mask" if path else "no mask"
@@ -64,7 +64,7 @@ def check_regions(files: SceneFiles, scene: GraspScene) -> None:
 
 
 def read_mask(path: Path, shape: tuple[int, ...]) -> np.ndarray:
-    """(h, w) bool of a PNG that is 0 where it is not."""
+    """Read a PNG as (h, w) bool, true where it is not 0."""
     try:
         found = read_png(path)
     except OSError as error:
@@ -77,7 +77,10 @@ def read_mask(path: Path, shape: tuple[int, ...]) -> np.ndarray:
 
 
 def _places(files: SceneFiles) -> list[Path | None]:
-    """The mask of the left and of the right hand; a folder with that of one hand is about this hand."""
+    """Return the mask files of the left and the right hand.
+
+    A prediction folder with the mask of one hand concerns that hand only.
+    """
     inside: list[Path | None] = [files.masks / f"{side}.png" if files.masks else None for side in SIDES]
     if any(path and path.exists() for path in inside):
         inside = [path if path and path.exists() else None for path in inside]
@@ -87,13 +90,13 @@ def _places(files: SceneFiles) -> list[Path | None]:
 def _regions(files: SceneFiles, shape: tuple[int, ...]) -> np.ndarray:
     paths = _places(files)
     if not any(paths):
-        raise SourceError("masks", "a folder of `predict` or a mask of a hand", "none",
+        raise SourceError("masks", "a folder of `predict` or a mask of a hand", "neither",
                           "give --masks DIR, --left PNG or --right PNG")  # fmt: skip
     return np.stack([read_mask(path, shape) if path else np.zeros(shape, bool) for path in paths])
 
 
 def _picture(path: Path | None, depth_m: np.ndarray) -> np.ndarray:
-    """The picture, or depth in grey."""
+    """Read the image, or show depth in grey."""
     if path is None:
         far = np.quantile(depth_m[depth_m > 0], 0.98)
         grey = np.where(depth_m > 0, 230 - 180 * (depth_m / far).clip(0, 1), 0).astype(np.uint8)
@@ -106,7 +109,7 @@ def _picture(path: Path | None, depth_m: np.ndarray) -> np.ndarray:
 
 
 def _camera(files: SceneFiles, shape: tuple[int, ...]) -> np.ndarray:
-    """K (3, 3)."""
+    """Read K (3, 3)."""
     if (files.intrinsics is None) == (files.focal_px is None):
         got = "neither" if files.intrinsics is None else "both"
         raise SourceError("camera", "--intrinsics FILE or --focal-px NUMBER", got, "give one of them")
@@ -119,7 +122,7 @@ def _camera(files: SceneFiles, shape: tuple[int, ...]) -> np.ndarray:
 
 
 def _hands(files: SceneFiles, region: np.ndarray) -> np.ndarray:
-    """(2,) bool: forced, by the taxonomy, as the prediction chose, or those with a mask."""
+    """Return (2,) bool, the hands in use: as forced, by the taxonomy, by the prediction, or those with a mask."""
     if files.hands != "auto":
         return np.array([files.hands in (side, "both") for side in SIDES])
     if files.taxonomy:
@@ -134,7 +137,7 @@ def _hands(files: SceneFiles, region: np.ndarray) -> np.ndarray:
 
 
 def _negative(files: SceneFiles, shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """(h, w) bool mask and (k, 3) points in the camera's frame."""
+    """Return the (h, w) bool mask and the (k, 3) points in the camera frame."""
     path, none = files.negative, np.zeros((0, 3))
     if path is None:
         return np.zeros(shape, bool), none
@@ -153,14 +156,14 @@ def _points(path: Path) -> np.ndarray:
 
 
 def _of_object(path: Path, pose: Path | None) -> np.ndarray:
-    """N_t of negative.json, from the object's frame to the camera's."""
+    """Transform N_t of negative.json from the object frame to the camera frame."""
     if pose is None:
-        raise SourceError(str(path), "--object-pose FILE beside it, T_cam_obj", "none", "its points are in the object's frame")
+        raise SourceError(str(path), "--object-pose FILE with T_cam_obj", "no such option", "its points are in the object frame")
     content, T = read_json(path, "negative.json"), finite_array(read_json(pose, "a pose (JSON)"), (4, 4))
     points = finite_array((content.get("N_t") if isinstance(content, dict) else None) or np.zeros((0, 3)), (-1, 3))
     if T is None or not np.allclose(T[:3, :3] @ T[:3, :3].T, np.eye(3), atol=1e-3) or not np.array_equal(T[3], [0, 0, 0, 1]):
         raise SourceError(str(pose), "T_cam_obj, four rows of four numbers, a rotation and metres", "something else", "check it")
     if points is None or not isinstance(content, dict) or "N_t" not in content:
-        raise SourceError(f"{path}, field 'N_t'", "points (k, 3)", "something else", "make it again with `run negative-affordance`")
+        raise SourceError(f"{path}, field 'N_t'", "points (k, 3)", "something else", "rerun `run negative-affordance`")
     found: np.ndarray = points @ T[:3, :3].T + T[:3, 3]
     return found

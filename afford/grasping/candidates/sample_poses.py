@@ -1,7 +1,7 @@
-"""Poses to try: over places of the region, fingers across its narrow side, from where the camera sees it and the table lets a hand.
+"""Sample grasp poses over a region: fingers across its narrow side, from the camera's side, above the support plane.
 
-The frame of a pose is that of a grasp (schemas/grasp.py). Places are as far apart as can be and turns come in pairs, so that a
-mirrored picture gives mirrored poses; nothing is drawn by chance.
+The frame of a pose is that of a grasp (schemas/grasp.py). Places are chosen by farthest point sampling and turns come in pairs, so
+a mirrored image gives mirrored poses. Nothing is random.
 """
 
 from __future__ import annotations
@@ -17,46 +17,47 @@ from afford.common.geometry import farthest_point_sampling
 from afford.grasping.candidates.point_cloud import PointCloud, SupportPlane
 
 PATCH_M = 0.03
-"""around a place: where its long axis and its normal come from"""
+"""radius of the patch around a place that gives its long axis and normal"""
 TILTS_DEG, TURNS_DEG = (0.0, -25.0, 25.0), (0.0, -20.0, 20.0)
-"""about the long axis; and about the approach, where a patch has no side that is clearly longer"""
+"""about the long axis; and about the approach, for patches without a clearly longer side"""
 LONG = 1.6
-"""a patch so many times as long as wide is grasped across its length"""
+"""a patch this many times as long as wide is grasped across its length"""
 HALF_SLICE_M = 0.012
-"""what is this near along the long axis is the section that the fingers close on"""
+"""half the thickness, along the long axis, of the section that the fingers close on"""
 GAP_M = 0.012
-"""a section ends where nothing is for so far"""
+"""a section ends at a gap of this size"""
 DEEP_M = 0.05
-"""below its upper end a section is not looked at"""
+"""a section is examined to this depth below its upper end"""
 LYING = 2.0
-"""a section whose upper end is so many times its width above the support, or less, lies on it"""
+"""a section whose upper end is at most this many times its width above the support lies on it"""
 EDGE = 0.25
 """share of a section, at each of its ends, that fingers touch"""
 
 
 @dataclass(frozen=True, eq=False)
 class GraspPose:
-    """One grasp before it is judged."""
+    """Grasp before scoring."""
 
     R: np.ndarray
     """(3, 3) its axes: along, back, fingers"""
     place: np.ndarray
-    """(3,) amid what is held"""
+    """(3,) centre of the grasped section"""
     width_m: float
     square: float
-    """-1..1, how far the normals at both ends of the section face the fingers; 0 for an end that is not seen"""
+    """-1..1, how well the normals at both ends of the section face the fingers; 0 for an end that is not visible"""
 
 
 def spread_places(region: np.ndarray, found: PointCloud, count: int) -> np.ndarray:
-    """(k,) indices of points of the region (n,) bool, far apart."""
+    """Choose (k,) indices of points of the region (n,) bool by farthest point sampling."""
     mine = np.flatnonzero(region)
     return mine[farthest_point_sampling(found.points[mine], count)]
 
 
 def sample_poses(found: PointCloud, body: np.ndarray, spots: np.ndarray, on: SupportPlane, lean_deg: float,
           cell_m: float) -> list[GraspPose]:  # fmt: skip
-    """Poses of a right or left hand over each spot (k,); `body` (n,) bool are the points of the thing. Each comes twice, with
-    the fingers on either side. Points stand for cells of `cell_m`.
+    """Sample poses of a hand over each spot (k,); `body` (n,) bool marks the points of the object.
+
+    Each pose comes twice, with the fingers on either side. A point stands for a voxel of `cell_m`.
     """
     points, facing = found.points[body], found.normals[body]
     around = cKDTree(points).query_ball_point(found.points[spots], PATCH_M)
@@ -70,7 +71,7 @@ def sample_poses(found: PointCloud, body: np.ndarray, spots: np.ndarray, on: Sup
 
 
 def _axes(patch: np.ndarray, facing: np.ndarray, spot: np.ndarray, on: SupportPlane, lean_deg: float) -> Iterator[np.ndarray]:
-    """(3, 3) axes to try over a patch (k, 3)."""
+    """Yield candidate axes (3, 3) over a patch (k, 3)."""
     local = patch - patch.mean(0)
     spread, axes = np.linalg.eigh(local.T @ local)
     long, turns = axes[:, 2], (0.0,) if spread[2] > LONG**2 * spread[1] else TURNS_DEG
@@ -92,7 +93,10 @@ def _frame(along: np.ndarray, back: np.ndarray) -> np.ndarray:
 
 def _posed(R: np.ndarray, spot: np.ndarray, points: np.ndarray, facing: np.ndarray, on: SupportPlane,
            cell_m: float) -> list[GraspPose]:  # fmt: skip
-    """The section under a spot -> the pose amid it, and the same with the fingers on the other side; none without a section."""
+    """Build the pose at the section under a spot, and the same pose with the fingers on the other side.
+
+    Empty without a section.
+    """
     local = (points - spot) @ R
     across = np.flatnonzero((np.abs(local[:, 0]) <= HALF_SLICE_M) & (np.abs(local[:, 1]) <= DEEP_M))
     run = across[_run(local[across, 2])]
@@ -107,12 +111,12 @@ def _posed(R: np.ndarray, spot: np.ndarray, points: np.ndarray, facing: np.ndarr
 
 
 def _thick(width_m: float, height_m: float) -> float:
-    """How far a section reaches down: to what it lies on, where it is about as high as wide; else as far as it is wide."""
+    """Return the depth of a section: down to its support when it is about as high as wide, else as deep as wide."""
     return min(max(height_m, 0.0) if height_m <= LYING * width_m else width_m, DEEP_M)
 
 
 def _run(z: np.ndarray) -> np.ndarray:
-    """Which of the places along a line (k,) hang together with the one nearest to 0."""
+    """Return the places along a line (k,) that are connected to the one nearest to 0."""
     order = np.argsort(z, kind="stable")
     piece = np.concatenate([[0], np.cumsum(np.diff(z[order]) > GAP_M)]) if len(z) else np.zeros(0, np.int64)
     at = piece[np.abs(z[order]).argmin()] if len(z) else 0
@@ -120,6 +124,6 @@ def _run(z: np.ndarray) -> np.ndarray:
 
 
 def _square(z: np.ndarray, outwards: np.ndarray) -> float:
-    """Mean over both ends of how far normals face outwards."""
+    """Return the mean over both ends of how well normals face outwards."""
     low, high = np.quantile(z, [EDGE, 1 - EDGE])
     return 0.5 * float(outwards[z >= high].mean() - outwards[z <= low].mean())

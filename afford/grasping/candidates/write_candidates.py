@@ -1,4 +1,4 @@
-"""Grasps as files: candidates.json, overlay.png with their axes, cloud.ply with their hands as points."""
+"""Write grasp candidates: candidates.json, overlay.png with their axes, cloud.ply with the cloud and the hands as points."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from schemas.grasp import TERMS, GraspCandidates, GraspScene, HandCandidates
 
 FORMAT, RECORD, OVERLAY, CLOUD = "afford-grasps-1", "candidates.json", "overlay.png", "cloud.ply"
 DRAWN = 3
-"""grasps of each hand that are drawn; of them the best thick"""
+"""grasps drawn for each hand; the best is drawn thick"""
 AXIS_M = 0.04
 TINT = 0.45
 NEGATIVE = (214, 39, 40)
@@ -27,14 +27,14 @@ HEAD = ("ply\nformat binary_little_endian 1.0\ncomment metres, camera frame: x r
 
 
 def write_candidates(scene: GraspScene, found: GraspCandidates, out: Path) -> None:
-    """All three, in a folder that exists."""
+    """Write all three files to an existing folder."""
     write_json(out / RECORD, record(scene, found))
     (out / OVERLAY).write_bytes(encode_png(overlay(scene, found)[..., ::-1]).tobytes())
     (out / CLOUD).write_bytes(ply(scene, found))
 
 
 def record(scene: GraspScene, found: GraspCandidates) -> dict[str, Any]:
-    """Everything in numbers."""
+    """Return the content of candidates.json."""
     pairs = [{"left": int(a), "right": int(b), "score": _round(value)}
              for (a, b), value in zip(found.pair, found.pair_score, strict=True)]  # fmt: skip
     return {"format": FORMAT, "look": scene.name, "frame": "camera: x right, y down, z forward; metres",
@@ -45,8 +45,10 @@ def record(scene: GraspScene, found: GraspCandidates) -> dict[str, Any]:
 
 
 def overlay(scene: GraspScene, found: GraspCandidates) -> np.ndarray:
-    """(h, w, 3) uint8: regions tinted, negative pixels red; of each grasp its approach in white and what lies between the fingers
-    in the hand's colour, the thumb's end with a dot.
+    """Draw the grasps on the image, (h, w, 3) uint8.
+
+    Regions are tinted, negative pixels red. Each grasp shows its approach in white and the span between the fingers in the hand's
+    colour, with a dot at the thumb.
     """
     out = scene.rgb.astype(np.float32)
     for mask, colour in ((*zip(scene.region, HANDS.values(), strict=True), (scene.negative, NEGATIVE))):
@@ -59,7 +61,7 @@ def overlay(scene: GraspScene, found: GraspCandidates) -> np.ndarray:
 
 
 def ply(scene: GraspScene, found: GraspCandidates) -> bytes:
-    """The coloured points and, as rows of points, thumb, fingers and approach of every grasp."""
+    """Return the coloured cloud and, as rows of points, thumb, fingers and approach of every grasp, as PLY."""
     seen = scene.depth_m > 0
     cloud = np.empty(int(seen.sum()), VERTEX)
     cloud["xyz"], cloud["rgb"] = unproject(scene.depth_m, scene.K)[seen], scene.rgb[seen]
@@ -77,7 +79,7 @@ def _one(hand: HandCandidates, n: int) -> dict[str, Any]:
 
 
 def _bones(hand: HandCandidates, n: int) -> list[tuple[np.ndarray, np.ndarray]]:
-    """(start, end) of lines: where the hand comes from, from above each fingertip down to it."""
+    """Return (start, end) of lines: along the approach, and from above each fingertip down to it."""
     T, tips = hand.T_cam_grasp[n], hand.tips[n]
     back = AXIS_M * T[:3, 1]
     return [(T[:3, 3] + 2 * back, T[:3, 3]), *((tip + back, tip) for tip in tips)]

@@ -1,62 +1,62 @@
-"""What an environment of grasping can be told."""
+"""Configuration of the grasping environments."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from afford.grasping.env import wrench
-from afford.grasping.env.base import BASES
+from afford.grasping.env import actions
+from afford.grasping.env.actions import BASES
 from afford.grasping.sim.engine import CONTROL_S
 from afford.grasping.sim.scene import Physics
 
 
 @dataclass(frozen=True)
-class Config:
-    """Keywords of the environments. ValueError for what they cannot mean."""
+class GraspEnvConfig:
+    """Keyword arguments of the grasping environments. ValueError for an unknown or impossible value."""
 
     engine: str = "mujoco"
     """mujoco, bullet, or warp (afford/grasping/sim/warp_worlds.py; the extra gpu)"""
     physics: Physics = field(default_factory=Physics)
-    """how carefully worlds are computed"""
+    """rate and accuracy of the physics"""
     action_mode: str = "rate"
-    """rate: act.py, 20 a second; paper: wrench.py, 60 a second, base=none; give it steps=200, as the paper does"""
+    """rate: 20 actions per second; paper: wrenches, 60 per second, with base=none and the published steps=200 (actions.py)"""
     base: str = "none"
-    """what actions are added to: none, script, or prior (base.py)"""
+    """targets that actions are added to: none, script, or prior (actions.py)"""
     posture: tuple[float, ...] = ()
-    """joints of the motors at the beginning, those of the wrist from the aim: as a prior's facts have it. None: as the script"""
+    """motor joints at the start, the wrist's relative to the aim, from a prior's facts; empty: the start of the script"""
     layout: str = "small"
-    """small, paper or points (observe.py)"""
+    """layout of observations: small, paper or points (obs_blocks.py)"""
     role: str = "teacher"
-    """who sees: prior, teacher or student (observe.py)"""
+    """role whose blocks are observed: prior, teacher or student (obs_blocks.py)"""
     reward: str = "afforddex"
-    """set of rewards (reward.py)"""
+    """set of reward terms (reward.py)"""
     weights: Mapping[str, float] = field(default_factory=dict)
-    """other weights for some of its terms"""
+    """weights of terms that replace those of the set"""
     steps: int = 40
     """control steps of an episode; the script takes 38 to lift by 20 cm, 34 by 15 cm"""
     lift_m: float = 0.20
-    """how far above its place at rest the object is to be brought"""
+    """height of the goal above the object's place at rest"""
     wait: int = 0
-    """control steps for which the script stays above before it goes down"""
+    """control steps for which the script stays above before it descends"""
     poses: str = "flat"
-    """flat: as it was built; dropped: as it falls. Both anywhere within xy_m, at any yaw"""
+    """flat: the object lies as it was built; dropped: it is dropped and settles. Both anywhere within xy_m, at any yaw"""
     xy_m: float = 0.05
-    """how far from the origin, along x and y"""
+    """largest distance of the object from the origin, along x and along y"""
     start: str = "part"
-    """where the hand begins, and its base grasps: part, over the part to hold; anywhere, blind to parts"""
+    """where the hand begins and its base grasps: part, over the part to hold; anywhere, independent of parts"""
     start_m: float = 0.06
-    """anywhere: how far from the centre of mass that place is at most, along the object"""
+    """start=anywhere: largest distance of that place from the centre of mass, along the object"""
     randomise: bool = False
-    """whether physics and latency differ between worlds (afford/grasping/sim/scene.py, RANDOM)"""
+    """randomise physics and latency over worlds (afford/grasping/sim/scene.py, RANDOM)"""
     push_n: float = 0.0
     """force of pushes on the raised object; 0 for none"""
     seed: int = 0
-    """of what differs between worlds, and of drops"""
+    """seed of randomised physics, and of drops"""
     threads: int = 1
-    """that compute worlds"""
+    """threads that compute worlds"""
     processes: int = 1
-    """that compute worlds, each with a share of them: for bullet, which has no use for threads"""
+    """processes that compute worlds, each a share of them; for bullet, which does not profit from threads"""
     device: str = "cpu"
     """cpu, or cuda with the engine warp"""
 
@@ -66,10 +66,10 @@ class Config:
             if getattr(self, name) not in allowed:
                 raise ValueError(f"{name}: expected {' or '.join(allowed)}, got {getattr(self, name)!r}")
         if self.action_mode == "paper" and self.base != "none":
-            raise ValueError(f"base: expected none with action_mode=paper, got {self.base}: bases give targets of the wrist, "
-                             "which is given forces there; use action_mode=rate, or base=none")
+            raise ValueError(f"base: expected none with action_mode=paper, got {self.base}: a base gives targets of the wrist, "
+                             "which takes forces in this mode; use action_mode=rate or base=none")
         if self.base == "prior" and not self.posture:
-            raise ValueError("posture: expected the posture that a prior begins in, as its facts have it, got none")
+            raise ValueError("posture: base=prior needs the start posture of the prior; take it from the prior's facts")
         for name, low in (("steps", 1), ("lift_m", 0.0), ("xy_m", 0.0), ("start_m", 0.0), ("wait", 0), ("push_n", 0.0),
                           ("threads", 1), ("processes", 1)):  # fmt: skip
             if not getattr(self, name) >= low:
@@ -77,5 +77,5 @@ class Config:
 
     @property
     def control_s(self) -> float:
-        """A control step."""
-        return wrench.CONTROL_S if self.action_mode == "paper" else CONTROL_S
+        """Duration of a control step, s."""
+        return actions.WRENCH_CONTROL_S if self.action_mode == "paper" else CONTROL_S

@@ -1,10 +1,10 @@
-"""What an environment of grasping has where nothing is given: the Shadow Hand, and a hammer that is held by its handle."""
+"""Default hand and task of the grasping environment: the Shadow Hand, and a hammer that is held by its handle."""
 
 from __future__ import annotations
 
 from functools import cache
 
-from afford.grasping.env.task import Task, task
+from afford.grasping.env.task import Task, make_task
 from afford.grasping.hand.assets import shadow_files
 from afford.grasping.hand.mjcf import read
 from afford.grasping.hand.model import Gantry, HandOptions, build_hand, couple_joints
@@ -19,15 +19,15 @@ HOLD = "handle"
 
 @cache
 def hand() -> HandModel:
-    """The installed Shadow Hand on its gantry, as the stage hand_model builds it by default. SourceError where there is none."""
+    """The installed Shadow Hand on its gantry, as the stage hand_model builds it by default. SourceError if it is not installed."""
     gantry = Gantry(reach_m=2.0, force_n=200.0, torque_nm=30.0, mass_kg=0.05)
     return build_hand(couple_joints(read(shadow_files()), ()), HandOptions("", gantry))
 
 
 @cache
 def tool() -> Task:
-    """A procedural hammer as stages/grasping/object_solids.py makes it by default; all of it but the handle must not be touched."""
+    """Procedural hammer as the stage object_solids builds it by default; every part except the handle is negative."""
     made = build_object(TOOL, edge_m=0.006, max_faces=16_000, atlas_px=64)
     body = grasp_object(made.mesh, made.parts, density_kg_m3=700.0, tolerance_m=0.002, hulls=24, hull_corners=64, points=1024,
                         seed=0)  # fmt: skip
-    return task(body, [part for part in body.parts if part != HOLD], HOLD)
+    return make_task(body, [part for part in body.parts if part != HOLD], HOLD)

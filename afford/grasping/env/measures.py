@@ -1,32 +1,39 @@
-"""What rewards and judgements go by: distances, forces, depths, of n worlds at once."""
+"""Measurements of n worlds that rewards and metrics are computed from, and the metrics of an episode.
+
+Success is the paper's. Both readings of the paper's affordance score (AS) are reported, contacts of the whole hand, and depths.
+Negative parts are judged by the truth, whatever N_t a policy was shown.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from afford.grasping.env.scenery import Episode, Scenery
+from afford.grasping.env.scenery import SAFE_M, EpisodeFrame, Scenery
 from afford.grasping.sim.engine import State
 
 TOUCH_N = 0.01
-"""force from which something touches"""
+"""force from which a contact counts as a touch"""
+GOAL_M = 0.05
+"""success radius: the object is at its goal within this distance"""
 FAR_M = 10.0
-"""where points are put, along all axes, that do not count"""
+"""coordinate along all axes of points that do not count"""
 
 
 @dataclass(frozen=True, eq=False)
 class Measures:
-    """One moment of n worlds; f fingers, thumb first."""
+    """Measurements of n worlds at one step; f fingers, thumb first."""
 
     palm_m: np.ndarray
     """(n,) from the middle of the palm to the object's centre of mass"""
     tips_m: np.ndarray
     """(n, f) from each fingertip to the nearest point of the object's surface"""
     allowed_m: np.ndarray
-    """(n, f) from each fingertip to the nearest of the points that may be touched, farther than 2 cm from all negative ones"""
+    """(n, f) from each fingertip to the nearest allowed point, one that is farther than 2 cm from all negative points"""
     positive_m: np.ndarray
-    """(n, f) from each fingertip to the nearest point where hands belong; 0 where none are known"""
+    """(n, f) from each fingertip to the nearest positive point; 0 where no such points are known"""
     tips_centre_m: np.ndarray
     """(n, f) from each fingertip to the object's centre of mass"""
     goal_m: np.ndarray
@@ -34,37 +41,37 @@ class Measures:
     height_m: np.ndarray
     """(n,) of the object's centre of mass above the table"""
     N_m: np.ndarray
-    """(n, f) from each fingertip to the nearest negative point that is shown; infinite where there are none"""
+    """(n, f) from each fingertip to the nearest point of N_t; infinite without such points"""
     N_true_m: np.ndarray
-    """(n, f) the same of what must not be touched in truth"""
+    """(n, f) the same for the true negative points"""
     force_held: np.ndarray
-    """(n, f + 1) N that each finger, and last the rest of the hand, press on parts that may be touched with"""
+    """(n, f + 1) N of each finger, and last of the rest of the hand, on parts that are not negative in truth"""
     force_negative: np.ndarray
-    """(n, f + 1) N on negative parts, in truth"""
+    """(n, f + 1) N on parts that are negative in truth"""
     force_told: np.ndarray
-    """(n, f + 1) N on parts that N_t says are negative"""
+    """(n, f + 1) N on parts that are negative by N_t"""
     penetration_m: np.ndarray
-    """(n,) of the deepest contact of hand and object"""
+    """(n,) depth of the deepest contact of hand and object"""
     away_m: np.ndarray
-    """(n,) how far the object's centre of mass is, along the table, from where it lay"""
+    """(n,) distance along the table of the object's centre of mass from its place at rest"""
     action: np.ndarray
-    """(n, m) that led here"""
+    """(n, m) last action"""
 
     @property
     def touching(self) -> np.ndarray:
-        """(n, f + 1) bool: finger or palm on the object."""
+        """(n, f + 1) bool, each finger and the palm touch the object."""
         found: np.ndarray = self.force_held + self.force_negative > TOUCH_N
         return found
 
     @property
     def gripped(self) -> np.ndarray:
-        """(n,) bool: two or more of the fingers and the palm press on the object."""
+        """(n,) bool, two or more of the fingers and the palm touch the object."""
         found: np.ndarray = self.touching.sum(axis=1) >= 2
         return found
 
 
-def measure(scenery: Scenery, episode: Episode, state: State, action: np.ndarray) -> Measures:
-    """All of them, now."""
+def measure(scenery: Scenery, episode: EpisodeFrame, state: State, action: np.ndarray) -> Measures:
+    """Compute all measurements of a state."""
     centre = scenery.centre(state)
     points = scenery.points(state)
     on_N = np.einsum("nfp,np->nf", state.force, scenery.negative.astype(float))
@@ -84,7 +91,7 @@ def measure(scenery: Scenery, episode: Episode, state: State, action: np.ndarray
 
 
 def nearest(spots: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """For each of (n, f, 3) the distance to the nearest of (n, k, 3): (n, f), and that point: (n, f, 3)."""
+    """Find the nearest of points (n, k, 3) to each of spots (n, f, 3): distances (n, f) and points (n, f, 3)."""
     squared = (spots**2).sum(2)[:, :, None] + (points**2).sum(2)[:, None] - 2 * spots @ points.swapaxes(1, 2)
     chosen = squared.argmin(axis=2)
     found = np.take_along_axis(points, chosen[:, :, None], axis=1)
@@ -92,5 +99,69 @@ def nearest(spots: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 
 def _to(spots: np.ndarray, points: np.ndarray, there: np.ndarray) -> np.ndarray:
-    """(n, f) distances of spots to points, infinite where there are none."""
+    """(n, f) distances of spots to points, infinite in worlds without points."""
     return np.where(there[:, None], nearest(spots, points)[0], np.inf)
+
+
+def as_safe_count(N_m: np.ndarray) -> np.ndarray:
+    """Affordance score as the paper words it: (n, f) distances to N_t -> (n,) number of safe fingertips, 0..f; more is better."""
+    return np.asarray((N_m > SAFE_M).sum(axis=-1))
+
+
+def as_violation_pct(N_m: np.ndarray) -> np.ndarray:
+    """Affordance score that fits the paper's tables: (n, f) distances -> (n,) percent of unsafe fingertips; less is better."""
+    return np.asarray(100.0 * (N_m <= SAFE_M).mean(axis=-1))
+
+
+class EpisodeLog:
+    """Record of n running episodes, for their metrics. `copy.deepcopy` makes an independent copy."""
+
+    def __init__(self, n: int, steps: int) -> None:
+        self.success = np.zeros(n, bool)
+        self.negative = np.zeros(n, bool)
+        self.unsafe = np.zeros(n, bool)
+        self.depth_m = np.full((n, steps), np.nan)
+
+    def clear(self, which: np.ndarray) -> None:
+        """Forget the episodes of worlds `which`."""
+        self.success[which] = self.negative[which] = self.unsafe[which] = False
+        self.depth_m[which] = np.nan
+
+    def record(self, m: Measures, step: np.ndarray) -> None:
+        """Add the measurements after steps of numbers (n,)."""
+        self.success |= m.goal_m < GOAL_M
+        self.negative |= (m.force_negative > TOUCH_N).any(axis=1)
+        self.unsafe |= (m.N_true_m <= SAFE_M).any(axis=1)
+        touched = m.touching.any(axis=1)
+        self.depth_m[np.flatnonzero(touched), step[touched]] = m.penetration_m[touched]
+
+    def report(self, m: Measures) -> dict[str, np.ndarray]:
+        """(n,) figures (METRICS) of episodes that end with these measurements."""
+        return {
+            "success": self.success.astype(float), "held": ((m.goal_m < GOAL_M) & m.touching.any(axis=1)).astype(float),
+            "as_violation_pct": as_violation_pct(m.N_true_m), "as_safe_count": as_safe_count(m.N_true_m).astype(float),
+            "as_any_step": self.unsafe.astype(float),
+            "negative_contact_end": (m.force_negative > TOUCH_N).any(axis=1).astype(float),
+            "negative_contact_any": self.negative.astype(float),
+            "penetration_median_m": _quantile(self.depth_m, 50), "penetration_p95_m": _quantile(self.depth_m, 95),
+            "goal_m": m.goal_m}  # fmt: skip
+
+
+METRICS: Mapping[str, str] = {
+    "success": "the object was within 5 cm of its goal at some step (the paper's, sticky)",
+    "held": "the object is within 5 cm of its goal at the last step, and the hand touches it",
+    "as_violation_pct": "percent of fingertips within 2 cm of a negative point at the last step",
+    "as_safe_count": "fingertips farther than 2 cm from every negative point at the last step",
+    "as_any_step": "a fingertip came within 2 cm of a negative point at some step",
+    "negative_contact_end": "a finger or the palm presses on a negative part at the last step",
+    "negative_contact_any": "a finger or the palm pressed on a negative part at some step",
+    "penetration_median_m": "median depth of the deepest contact, over steps in which hand and object touch; NaN without any",
+    "penetration_p95_m": "95th percentile of the same depth",
+    "goal_m": "distance of the object from its goal at the last step, m",
+}
+"""name -> meaning of each figure of a report"""
+
+
+def _quantile(depth_m: np.ndarray, percent: float) -> np.ndarray:
+    """(n,) percentile over the recorded steps; NaN without any."""
+    return np.array([np.percentile(row[~np.isnan(row)], percent) if (~np.isnan(row)).any() else np.nan for row in depth_m])

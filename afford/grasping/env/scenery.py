@@ -1,4 +1,4 @@
-"""n objects and a hand as arrays, and what an episode of each begins with."""
+"""Constants of n worlds as arrays (hand, objects, points), the frames of their episodes, and changes of frame."""
 
 from __future__ import annotations
 
@@ -14,85 +14,86 @@ from afford.grasping.sim.engine import State
 from schemas.hand import HandModel
 
 OBJECT_POINTS = 128
-"""of the surface, as far apart as can be"""
+"""points of the surface, by farthest point sampling"""
 SAFE_M = 0.02
-"""what is farther from every negative point is safe, as in AffordDex"""
+"""a point is safe when it is farther than this from every negative point, as in AffordDex"""
 
 
 @dataclass(frozen=True, eq=False)
-class Episode:
-    """What an episode began with, in n worlds. Its frame has its origin at the object's centre of mass at rest, z up, x along the
-    part to hold, towards that centre.
+class EpisodeFrame:
+    """Frames and goals of the running episodes of n worlds.
+
+    The origin of a frame is the object's centre of mass at rest; z is up, x along the part to hold, towards that centre.
     """
 
     origin: np.ndarray
     """(n, 3) centre of mass at rest, world"""
     yaw: np.ndarray
-    """(n,) of the frame"""
+    """(n,) yaw of the frame"""
     goal: np.ndarray
-    """(n, 3) where the centre of mass is to be, world"""
+    """(n, 3) goal of the centre of mass, world"""
 
 
 @dataclass(frozen=True, eq=False)
 class Scenery:
-    """What stays the same from episode to episode."""
+    """Constants of n worlds, the same in every episode."""
 
     hand: HandModel
     com: np.ndarray
-    """(n, 3) object frame"""
+    """(n, 3) centre of mass, object frame"""
     surface: np.ndarray
     """(n, k, 3) points of the object, object frame"""
     allowed: np.ndarray
-    """(n, k) bool, farther than SAFE_M from every negative point; all where none is"""
+    """(n, k) bool, surface points farther than SAFE_M from every negative point; all of them if none is"""
     N_object: np.ndarray
-    """(n, 100, 3) negative points that a policy is shown, object frame; zero where there are none"""
+    """(n, 100, 3) negative points N_t that a policy observes, object frame; zero without any"""
     A_object: np.ndarray
-    """(n, 100, 3) points where hands belong, object frame; zero where none are known"""
+    """(n, 100, 3) positive points A_t, object frame; zero without any"""
     any_positive: np.ndarray
     """(n,) bool"""
     any_negative: np.ndarray
     """(n,) bool"""
     N_true: np.ndarray
-    """(n, 100, 3) the same in truth, for judging"""
+    """(n, 100, 3) true negative points, for evaluation, object frame"""
     any_true: np.ndarray
     """(n,) bool"""
     negative: np.ndarray
-    """(n, p) bool, parts that must not be touched, in truth"""
+    """(n, p) bool, parts that are negative in truth"""
     told: np.ndarray
-    """(n, p) bool, parts that N_t says must not be touched"""
+    """(n, p) bool, parts that are negative by N_t"""
     palm_offset: np.ndarray
-    """(3,) the middle of the palm, half-way from its origin to the knuckle of the middle finger, in its frame"""
+    """(3,) middle of the palm in its frame: half-way from its origin to the knuckle of the middle finger"""
 
     def centre(self, state: State) -> np.ndarray:
-        """(n, 3) centre of mass, world."""
+        """(n, 3) centres of mass, world."""
         return to_world(state.body, self.com[:, None])[:, 0]
 
     def points(self, state: State) -> np.ndarray:
-        """(n, k, 3) surface, world."""
+        """(n, k, 3) surface points, world."""
         return to_world(state.body, self.surface)
 
     def negative_points(self, state: State) -> np.ndarray:
-        """(n, 100, 3) negative points, world."""
+        """(n, 100, 3) negative points N_t, world."""
         return to_world(state.body, self.N_object)
 
     def true_points(self, state: State) -> np.ndarray:
-        """(n, 100, 3) points that must not be touched, in truth, world."""
+        """(n, 100, 3) true negative points, world."""
         return to_world(state.body, self.N_true)
 
     def positive_points(self, state: State) -> np.ndarray:
-        """(n, 100, 3) points where hands belong, world."""
+        """(n, 100, 3) positive points A_t, world."""
         return to_world(state.body, self.A_object)
 
     def palm(self, state: State) -> np.ndarray:
-        """(n, 3) middle of the palm, world."""
+        """(n, 3) middles of the palms, world."""
         return to_world(state.palm, self.palm_offset[None, None])[:, 0]
 
 
-def scenery(hand: HandModel, tasks: Sequence[Task]) -> Scenery:
-    """Tasks side by side; objects with fewer parts have more that are not negative, and that nothing touches."""
+def build_scenery(hand: HandModel, tasks: Sequence[Task]) -> Scenery:
+    """Stack the constants of n tasks. Objects with fewer parts are padded with empty parts that are not negative."""
     parts = max(len(one.negative) for one in tasks)
     surface = [spread_points(one.body.points.astype(np.float64), OBJECT_POINTS) for one in tasks]
-    allowed = [_apart(points, one.N_t) for one, points in zip(tasks, surface, strict=True)]
+    allowed = [_safe(points, one.N_t) for one, points in zip(tasks, surface, strict=True)]
     return Scenery(
         hand=hand, com=np.stack([one.body.com_m for one in tasks]), surface=np.stack(surface), allowed=np.stack(allowed),
         N_object=np.stack([_hundred(one.N_t) for one in tasks]), A_object=np.stack([_hundred(one.A_t) for one in tasks]),
@@ -105,18 +106,18 @@ def scenery(hand: HandModel, tasks: Sequence[Task]) -> Scenery:
 
 
 def to_world(pose: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """(n, 7) poses of frames, (n, k, 3) points in them -> world."""
+    """Transform points (n, k, 3) from frames with poses (n, 7) to the world."""
     R = Rotation.from_quat(pose[:, 3:]).as_matrix()
     return points @ R.swapaxes(1, 2) + pose[:, None, :3]
 
 
 def about_z(yaw: np.ndarray) -> Rotation:
-    """n turns about the vertical by yaw (n,)."""
+    """n rotations about the vertical by yaw (n,)."""
     return Rotation.from_rotvec(np.multiply.outer(yaw, [0.0, 0.0, 1.0]))
 
 
 def to_frame(vectors: np.ndarray, yaw: np.ndarray) -> np.ndarray:
-    """(n, ..., 3) directions of the world along the axes of frames turned by yaw (n,) about the vertical."""
+    """Rotate world vectors (n, ..., 3) into frames turned by yaw (n,) about the vertical."""
     c, s = (f(yaw).reshape(-1, *[1] * (vectors.ndim - 2)) for f in (np.cos, np.sin))
     x, y = vectors[..., 0], vectors[..., 1]
     out = np.array(vectors, np.float64)
@@ -125,18 +126,18 @@ def to_frame(vectors: np.ndarray, yaw: np.ndarray) -> np.ndarray:
 
 
 def palm_yaw(hand: HandModel, state: State) -> np.ndarray:
-    """(n,) where the fingers point, seen from above (the palm's grip axis z)."""
+    """(n,) yaw of the direction of the fingers, seen from above (the palm's grip axis z)."""
     z = Rotation.from_quat(state.palm[:, 3:]).as_matrix() @ hand.R_palm_grip[:, 2]
     return np.arctan2(z[:, 1], z[:, 0])
 
 
 def _hundred(points: np.ndarray) -> np.ndarray:
-    """(100, 3) of points (k, 3), zero where there is none."""
+    """(100, 3) sample of points (k, 3); zero without any."""
     return spread_points(points, NEGATIVE_POINTS) if len(points) else np.zeros((NEGATIVE_POINTS, 3))
 
 
-def _apart(points: np.ndarray, N_t: np.ndarray) -> np.ndarray:
-    """(k,) bool: points (k, 3) that are farther than SAFE_M from all of N_t (m, 3); all of them where none is."""
+def _safe(points: np.ndarray, N_t: np.ndarray) -> np.ndarray:
+    """(k,) bool, points (k, 3) farther than SAFE_M from all of N_t (m, 3); all of them if none is."""
     far = (np.linalg.norm(points[:, None] - N_t[None], axis=2) > SAFE_M).all(axis=1)
     return far if far.any() else np.ones(len(points), bool)
 

@@ -1,1 +1,1 @@
-"""Evaluation of policies: episodes, metrics, human-likeness, reports, pictures."""
+"""Evaluation of grasping policies: episodes, metrics, human likeness, reports."""

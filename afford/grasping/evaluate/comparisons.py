@@ -1,4 +1,9 @@
-"""What predictions are worth to a policy: how near N_t and A_t are to the truth, and what fingertips do that are shown N_t."""
+"""Comparisons in the report: predicted N_t and A_t, the imitation prior, and one object with two tasks.
+
+Predictions are compared with the truth, and by the effect of predicted N_t on fingertips. The prior is compared by its tracking
+error on held-out clips and by trainings of equal length without it. Task pairs measure how far N_t shifts the grasp on the same
+object.
+"""
 
 from __future__ import annotations
 
@@ -18,28 +23,28 @@ from schemas.grasp import GraspTask
 from schemas.training import TrainingLog
 
 SHOWN = f"{TEACHER}_naa"
-"""name of the policy that is shown predictions; what it is compared with has its seed and level"""
+"""policy that receives predictions; its counterpart has the same seed and level"""
 AS = "as_violation_pct"
 
 
 class Agreement(NamedTuple):
-    """How near N_t is to the truth; NaN where there are no points to ask about."""
+    """Agreement of N_t with the truth; NaN when there are no points to compare."""
 
     recall: float
-    """share of the points that must not be touched, in truth, that have one of N_t within 2 cm"""
+    """share of the true negative points that have a point of N_t within 2 cm"""
     precision: float
-    """share of N_t that has a point that must not be touched, in truth, within 2 cm"""
+    """share of N_t that has a true negative point within 2 cm"""
 
 
 def agreement(task: GraspTask) -> Agreement:
-    """N_t beside the points of the parts that must not be touched."""
+    """Compare N_t with the points of the negative parts."""
     bad = [task.body.parts.index(part) for part in task.negative]
     true = task.body.points[np.isin(task.body.point_part, bad)].astype(np.float64)
     return Agreement(_near(true, task.N_t), _near(task.N_t, true))
 
 
 def on_hold(task: GraspTask) -> float:
-    """Share of A_t whose nearest point of the surface is of the part to hold; NaN where A_t is empty."""
+    """Return the share of A_t whose nearest surface point is on the part to hold; NaN when A_t is empty."""
     if not len(task.A_t):
         return float("nan")
     part = task.body.point_part[cKDTree(task.body.points).query(task.A_t)[1]]
@@ -47,7 +52,7 @@ def on_hold(task: GraspTask) -> float:
 
 
 def positive_metrics(predicted: Sequence[GraspTask]) -> dict[str, float]:
-    """Flat, `positive.`, of tasks whose A_t was predicted; nothing where there are none."""
+    """Compute metrics `positive.` of tasks with predicted A_t; empty when there are none."""
     if not predicted:
         return {}
     shares = np.array([on_hold(one) for one in predicted])
@@ -57,7 +62,7 @@ def positive_metrics(predicted: Sequence[GraspTask]) -> dict[str, float]:
 
 
 def positive_lines(predicted: Sequence[GraspTask]) -> list[str]:
-    """The section of the report; none where nothing was predicted."""
+    """Format the section of the report about A_t; empty without predictions."""
     if not predicted:
         return []
     found = positive_metrics(predicted)
@@ -67,7 +72,7 @@ def positive_lines(predicted: Sequence[GraspTask]) -> list[str]:
 
 
 def negative_metrics(predicted: Sequence[GraspTask], episodes: Sequence[GraspEpisodes]) -> dict[str, float]:
-    """Flat, `naa.`; nothing where nothing was predicted, and no mean where there is nothing to take it of."""
+    """Compute metrics `naa.`; empty without predictions, and without means over nothing."""
     if not predicted:
         return {}
     recall, precision = np.array([agreement(one) for one in predicted]).T
@@ -79,26 +84,29 @@ def negative_metrics(predicted: Sequence[GraspTask], episodes: Sequence[GraspEpi
 
 
 def negative_lines(predicted: Sequence[GraspTask], episodes: Sequence[GraspEpisodes]) -> list[str]:
-    """The section of the report; none where nothing was predicted."""
+    """Format the section of the report about N_t; empty without predictions."""
     if not predicted:
         return []
     found = negative_metrics(predicted, episodes)
-    said = ["## N_t as predicted", "", "AS % over successes on new shapes, judged by the truth, for one seed.",
+    out = ["## N_t as predicted", "", "AS % over successes on new shapes, judged by the truth, for one seed.",
             f"{TEACHER} and {SHOWN} are one policy, which is shown N_t in truth, or as it is predicted.", "",
             f"| engine | {TEACHER} | {SHOWN} | {NO_NEGATIVE} | times below |", "|---|--:|--:|--:|--:|"]  # fmt: skip
     for engine, rows in _compared(episodes).items():
         values = [_text(rows.get(policy, np.nan)) for policy in (TEACHER, SHOWN, NO_NEGATIVE)]
-        said.append(f"| {engine} | {' | '.join(values)} | {_text(found.get(f'naa.times_below.{engine}', np.nan))} |")
-    said += ["", f"{found['naa.tasks_without_points']:.0f} of {len(predicted)} tasks have no predicted point. Recall: forbidden",
+        out.append(f"| {engine} | {' | '.join(values)} | {_text(found.get(f'naa.times_below.{engine}', np.nan))} |")
+    out += ["", f"{found['naa.tasks_without_points']:.0f} of {len(predicted)} tasks have no predicted point. Recall: forbidden",
              "points with a predicted one within 2 cm; precision: predicted points with a forbidden one within 2 cm.", "",
              "| task | predicted points | recall % | precision % |", "|---|--:|--:|--:|"]  # fmt: skip
     for one in predicted:
-        said.append(f"| {one.name} | {len(one.N_t)} | {' | '.join(_text(100 * share) for share in agreement(one))} |")
-    return [*said, ""]
+        out.append(f"| {one.name} | {len(one.N_t)} | {' | '.join(_text(100 * share) for share in agreement(one))} |")
+    return [*out, ""]
 
 
 def _compared(episodes: Sequence[GraspEpisodes]) -> dict[str, dict[str, float]]:
-    """Engine -> policy: AS % over successes, on the level and with the seed of the policy that is shown predictions."""
+    """Return engine -> policy -> AS % over successes.
+
+    Level and seed are those of the policy that receives predictions.
+    """
     out = dict[str, dict[str, float]]()
     for shown in (one for one in episodes if one.policy == SHOWN):
         alike = [one for one in episodes if (one.engine, one.level, one.seed) == (shown.engine, shown.level, shown.seed)]
@@ -107,7 +115,7 @@ def _compared(episodes: Sequence[GraspEpisodes]) -> dict[str, dict[str, float]]:
 
 
 def _near(points: np.ndarray, others: np.ndarray) -> float:
-    """Share of points (n, 3) that have one of others (m, 3) within 2 cm."""
+    """Return the share of points (n, 3) that have one of others (m, 3) within 2 cm."""
     if not len(points):
         return float("nan")
     return float((cKDTree(others).query(points)[0] <= SAFE_M).mean()) if len(others) else 0.0
@@ -124,8 +132,8 @@ def _text(value: float) -> str:
 
 MM = 1000.0
 WITHOUT = {"without": "naa_only", "by_script": "on_script"}
-"""word in metrics -> the training that differs from the teacher in having no prior, and what that entails (recipes.ALONE), or in
-having a grasp by script instead (recipes.SCRIPT), which nobody has shown it"""
+"""word in metrics -> training that differs from the teacher in having no prior, with what that entails (recipes.ALONE), or in
+having a scripted grasp instead (recipes.SCRIPT)"""
 COLUMN = {"with": "with", "without": "without", "by_script": "a script instead"}
 COMPARED = {"succ": "success", "jerk": "log_jerk", "hls": "hls", "as_violation_pct": "as_violation_pct"}
 """name in metrics -> figure of an episode"""
@@ -133,8 +141,9 @@ WORDS = {"prior": "the prior", "clip": "motors that go where the clip goes", "st
 
 
 def tracking_metrics(found: Sequence[ClipsFollowed]) -> dict[str, float]:
-    """hti.<figure>.<level> of the prior, hti.<follower>.<figure>.<level> of the others; names without a level are those of the
-    training objects, an engine's name stands in front where that is not PyBullet.
+    """Compute hti.<figure>.<level> of the prior and hti.<follower>.<figure>.<level> of the baselines.
+
+    Names without a level are those of the training objects; an engine other than PyBullet is a prefix.
     """
     out = dict[str, float]()
     for one, who, figures in _each(found):
@@ -145,9 +154,10 @@ def tracking_metrics(found: Sequence[ClipsFollowed]) -> dict[str, float]:
 
 
 def prior_ablation(episodes: Sequence[GraspEpisodes], logs: Sequence[TrainingLog]) -> dict[str, float]:
-    """hti.<figure>_with, _without and _by_script: the teacher against the same training without a prior, on training objects, over
-    the seeds that all of them have; nothing where there is none to compare. ValueError when they did not learn from equally many
-    updates.
+    """Compute hti.<figure>_with, _without and _by_script: the teacher and the same training without a prior, on training objects.
+
+    Figures are means over the seeds that all of them have; empty without a counterpart. ValueError for trainings of different
+    lengths.
     """
     out = dict[str, float]()
     for engine in dict.fromkeys(one.engine for one in episodes):
@@ -163,7 +173,7 @@ def prior_ablation(episodes: Sequence[GraspEpisodes], logs: Sequence[TrainingLog
 
 
 def clip_lines(found: Sequence[ClipsFollowed], compared: Mapping[str, float]) -> list[str]:
-    """Markdown of both; nothing of what is not there."""
+    """Format tracking errors and the ablation of the prior in Markdown; missing parts are left out."""
     out = list[str]()
     if found:
         out += ["## Clips that training never shows", "", "Distances to the clip, mean over fingers and steps: of the joints where",
@@ -186,7 +196,7 @@ def clip_lines(found: Sequence[ClipsFollowed], compared: Mapping[str, float]) ->
 
 
 def _each(found: Sequence[ClipsFollowed]) -> Iterator[tuple[ClipsFollowed, str, dict[str, float]]]:
-    """Every follower of every setting, with its figures."""
+    """Yield every follower of every setting with its figures."""
     for one in found:
         for who in dict.fromkeys(one.follower):
             rows = np.array([name == who for name in one.follower])
@@ -208,8 +218,10 @@ def _equally_long(logs: Sequence[TrainingLog], rows: Sequence[str], seeds: Seque
 
 
 def shifts_m(pairs: TwoTasks) -> tuple[list[str], np.ndarray]:
-    """Names and (k,) of the objects lifted in both tasks at least once: how much farther from the first end the palm is when N_t is
-    there than when N_t is at the other; mean over the pairs of an object.
+    """Compute the shift of the grasp on every object that was lifted in both tasks at least once: names and (k,) metres.
+
+    The shift is how much farther from the first end the palm is when N_t is there than when N_t is at the other end; mean over
+    pairs.
     """
     moved, both = pairs.along_m[:, 1] - pairs.along_m[:, 0], pairs.success.all(axis=1)
     names = [name for name in dict.fromkeys(pairs.body) if any(both & (np.array(pairs.body) == name))]
@@ -217,8 +229,10 @@ def shifts_m(pairs: TwoTasks) -> tuple[list[str], np.ndarray]:
 
 
 def pair_figures(pairs: TwoTasks) -> dict[str, float]:
-    """Mean and its 95 % interval by Student's t over objects, share of objects whose grasp moved away, share of pairs lifted twice,
-    objects that count; NaN where too few do.
+    """Compute the figures of task pairs; NaN with too few objects.
+
+    Mean shift and its 95 % interval by Student's t over objects, share of objects whose grasp moved away, share of pairs lifted
+    twice, number of objects.
     """
     mm = MM * shifts_m(pairs)[1]
     half = float(student.ppf(0.975, len(mm) - 1) * mm.std(ddof=1) / np.sqrt(len(mm))) if len(mm) > 1 else float("nan")
@@ -229,7 +243,7 @@ def pair_figures(pairs: TwoTasks) -> dict[str, float]:
 
 
 def pair_metrics(found: Sequence[TwoTasks]) -> dict[str, float]:
-    """<policy>.two_tasks.<figure>, an engine's name in front where that is not PyBullet; of several seeds the mean."""
+    """Compute <policy>.two_tasks.<figure>, means over seeds; an engine other than PyBullet is a prefix."""
     out = dict[str, list[float]]()
     for one in found:
         prefix = "" if one.engine == MAIN else f"{one.engine}."
@@ -239,7 +253,7 @@ def pair_metrics(found: Sequence[TwoTasks]) -> dict[str, float]:
 
 
 def pair_lines(found: Sequence[TwoTasks]) -> list[str]:
-    """Markdown; nothing where there is nothing."""
+    """Format the section of the report about task pairs; empty without pairs."""
     if not found:
         return []
     out = ["## One object, two tasks", "", "The same object from the same start, with N_t at one end and at the other: how far",

@@ -1,4 +1,4 @@
-"""Grasps to look at: a sheet with a row for each and its moments side by side, and a film of several of them at once."""
+"""Contact sheet of grasps, a row of key frames for each episode, and a video of several episodes in a grid."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from afford.common.image_files import encode_png
 from afford.common.palette import FAINT, INK, PAPER, Colour
 from afford.common.video.frames import write_video
 from afford.grasping.env.measures import TOUCH_N
-from afford.grasping.env.studio import Episode
+from afford.grasping.env.rendering import DrawableEpisode
 from afford.grasping.evaluate.trace_metrics import PHASES, key_frames, trace_metrics
 
 WORDS_PX, HEAD_PX, GAP_PX, LETTERS_PX = 190, 30, 4, 15
@@ -23,27 +23,28 @@ GOOD: Colour = (20, 120, 70)
 SHADE: Colour = (70, 72, 76)
 CRF = 23
 STILL_S = 0.8
-"""how long the last picture of a film stays"""
+"""time that the last frame of a video stays"""
 
 
-def sheet(rows: Mapping[str, Episode]) -> np.ndarray:
-    """(h, w, 3) uint8: label -> an episode; its columns are `traced.PHASES`. ValueError when there is none."""
+def sheet(rows: Mapping[str, DrawableEpisode]) -> np.ndarray:
+    """Draw the sheet (h, w, 3) uint8: label -> episode, with a column for each of `PHASES`; ValueError without episodes."""
     if not rows:
-        raise ValueError("rows: expected episodes to show, got none")
+        raise ValueError("rows: no episodes to show")
     strips = [_strip(label, one) for label, one in rows.items()]
     step = (strips[0].shape[1] - WORDS_PX) // len(PHASES)
     head = _page(strips[0].shape[1], HEAD_PX, [(WORDS_PX + k * step + 6, 6, name, INK) for k, name in enumerate(PHASES)])
     return np.concatenate([head, *strips])
 
 
-def write_sheet(path: Path, rows: Mapping[str, Episode]) -> None:
-    """`sheet` as a PNG."""
+def write_sheet(path: Path, rows: Mapping[str, DrawableEpisode]) -> None:
+    """Write `sheet` as a PNG."""
     path.write_bytes(encode_png(cv2.cvtColor(sheet(rows), cv2.COLOR_RGB2BGR)).tobytes())
 
 
-def write_film(path: Path, rows: Mapping[str, Episode], columns: int = 3) -> None:
-    """All episodes at once in a grid, as an MP4 at their own pace; those that are over stay. ValueError for none, or for traces of
-    different rates.
+def write_film(path: Path, rows: Mapping[str, DrawableEpisode], columns: int = 3) -> None:
+    """Write all episodes in a grid as an MP4, at their own rate; finished episodes stay on their last frame.
+
+    ValueError without episodes, or for traces of different rates.
     """
     rates = {one.trace.rate_hz for one in rows.values()}
     if len(rates) != 1:
@@ -51,7 +52,7 @@ def write_film(path: Path, rows: Mapping[str, Episode], columns: int = 3) -> Non
     write_video(path, _frames(rows, columns, round(STILL_S * min(rates))), CRF, round(min(rates)))
 
 
-def _frames(rows: Mapping[str, Episode], columns: int, still: int) -> Iterator[np.ndarray]:
+def _frames(rows: Mapping[str, DrawableEpisode], columns: int, still: int) -> Iterator[np.ndarray]:
     words = [(label, one, trace_metrics(one.trace, one.task).success) for label, one in rows.items()]
     longest = max(len(one.trace.q) for one in rows.values())
     wide = min(columns, len(words))
@@ -61,8 +62,8 @@ def _frames(rows: Mapping[str, Episode], columns: int, still: int) -> Iterator[n
         yield _even(np.concatenate([np.concatenate(tiles[k : k + wide], axis=1) for k in range(0, len(tiles), wide)]))
 
 
-def _strip(label: str, one: Episode) -> np.ndarray:
-    """Words, then the moments."""
+def _strip(label: str, one: DrawableEpisode) -> np.ndarray:
+    """Draw a row: its label and verdict, then the key frames."""
     tiles = [cv2.copyMakeBorder(one.draw(row), 0, GAP_PX, 0, GAP_PX, cv2.BORDER_CONSTANT, value=PAPER)
              for row in key_frames(one.trace, one.task)]  # fmt: skip
     lines = [(label, INK), (one.trace.task, FAINT), *_verdict(one)]
@@ -70,8 +71,8 @@ def _strip(label: str, one: Episode) -> np.ndarray:
     return np.concatenate([words, *tiles], axis=1)
 
 
-def _verdict(one: Episode) -> list[tuple[str, Colour]]:
-    """How it went, as metrics have it."""
+def _verdict(one: DrawableEpisode) -> list[tuple[str, Colour]]:
+    """Return the verdict of an episode by the metrics, as lines of text."""
     how, trace = trace_metrics(one.trace, one.task), one.trace
     pressed = bool((trace.force_negative[-1] > TOUCH_N).any())
     return [("reached the goal" if how.success[-1] else "never at the goal", GOOD if how.success[-1] else BAD),
@@ -80,8 +81,8 @@ def _verdict(one: Episode) -> list[tuple[str, Colour]]:
             (f"{1000 * trace.penetration_m.max():.1f} mm deep at most", FAINT)]  # fmt: skip
 
 
-def _tile(label: str, one: Episode, row: int, success: np.ndarray) -> np.ndarray:
-    """A row with its label, its task, and whether the goal was reached."""
+def _tile(label: str, one: DrawableEpisode, row: int, success: np.ndarray) -> np.ndarray:
+    """Draw a step with its label, its task, and a mark when the goal was reached."""
     page = Image.fromarray(one.draw(row))
     draw = ImageDraw.Draw(page)
     draw.text((6, 4), label, fill=INK, font=font(LETTERS_PX))
@@ -92,7 +93,7 @@ def _tile(label: str, one: Episode, row: int, success: np.ndarray) -> np.ndarray
 
 
 def _page(width: int, height: int, words: Sequence[tuple[int, int, str, Colour]]) -> np.ndarray:
-    """Words at (x, y); those that do not fit end with dots."""
+    """Draw text at (x, y); text that does not fit ends with dots."""
     page = Image.new("RGB", (width, height), PAPER)
     draw = ImageDraw.Draw(page)
     for x, y, text, colour in words:
@@ -108,5 +109,5 @@ def _fitting(text: str, width: int) -> str:
 
 
 def _even(picture: np.ndarray) -> np.ndarray:
-    """As H.264 wants it."""
+    """Crop to even width and height, as H.264 requires."""
     return picture[: picture.shape[0] // 2 * 2, : picture.shape[1] // 2 * 2]

@@ -1,16 +1,18 @@
-"""How human a motion of the hand is, from 0 to 10, measured beside motions of people. An offline stand-in for AffordDex's HLS.
+"""Score the human likeness of a hand motion from 0 to 10: an offline substitute for AffordDex's HLS.
 
-The paper asks a vision-language model for a score by three criteria: the trajectory, how smoothly it is run through, and how joints
-work together. Here each is a number, and people's own motions say what is usual:
+The paper prompts a vision-language model for a score by three criteria: the trajectory, its smoothness, and the coordination of
+joints. Here each is a number, and human motions define the usual range:
 
-- trajectory: how much longer the palm's way is than two straight lines, from the start down to where it grasps and up to the end;
-- smoothness: log dimensionless jerk (Hogan and Sternad 2009) of the palm, and of the fingers' joints, the mean of both;
-- coordination: share of the fingers' motion that people's first synergies do not explain (Santello et al. 1998).
+- trajectory: length of the palm's path relative to two straight lines, from the start down to the grasp and up to the end;
 
-A criterion gives 1 up to one standard deviation above the mean of people and falls off exponentially beyond: to 1/e where the
-palm's way is 1.28 times as long, jerk 20 times as strong (squared, over the whole), or a quarter more of the motion unexplained.
-These scales are fixed, since clean clips are alike to the last digit. The score is 10 times the mean of the three. Nothing is
-said by it of whether anything was grasped.
+- smoothness: log dimensionless jerk (Hogan and Sternad 2009), the mean of that of the palm and that of the finger joints;
+
+- coordination: share of the finger motion that the first human synergies do not explain (Santello et al. 1998).
+
+A criterion scores 1 up to one standard deviation above the human mean and falls exponentially beyond: to 1/e where the path is
+1.28 times as long, jerk 20 times as strong (squared, integrated), or a quarter more of the motion unexplained. These scales are
+fixed, because clean clips hardly differ. The result is 10 times the mean of the three. It does not depend on the success of the
+grasp.
 """
 
 from __future__ import annotations
@@ -25,12 +27,12 @@ from schemas.hand import HandReference
 CRITERIA = ("trajectory", "smoothness", "coordination")
 SYNERGIES = 5
 SCALES = np.array([0.25, 3.0, 0.25])
-"""how far beyond the usual each criterion has fallen to 1/e"""
+"""excess over the usual at which each criterion has fallen to 1/e"""
 
 
 @dataclass(frozen=True, eq=False)
 class HumanStatistics:
-    """What is usual among people."""
+    """Statistics of human motions."""
 
     mean: np.ndarray
     """(3,) of each criterion"""
@@ -43,9 +45,9 @@ class HumanStatistics:
 
 
 def human_statistics(references: Sequence[HandReference], rate_hz: float) -> HumanStatistics:
-    """Measured at `rate_hz`, the rate of what will be judged. ValueError for fewer than two references."""
+    """Measure human motions at `rate_hz`, the rate of the motions to score; ValueError for fewer than two references."""
     if len(references) < 2:
-        raise ValueError(f"likeness: expected two references or more to compare with, got {len(references)}")
+        raise ValueError(f"human likeness: expected two references or more to compare with, got {len(references)}")
     clips = [_clip(one, rate_hz) for one in references]
     joints = np.concatenate([q for q, _ in clips])
     posture = joints.mean(axis=0)
@@ -55,14 +57,14 @@ def human_statistics(references: Sequence[HandReference], rate_hz: float) -> Hum
 
 
 def human_likeness(q: np.ndarray, palm: np.ndarray, rate_hz: float, people: HumanStatistics) -> tuple[float, np.ndarray]:
-    """Of fingers' joints (t, k) and the palm's places (t, 3): 0..10, and its three parts (3,) of 0..1."""
+    """Score finger joints (t, k) and palm positions (t, 3): 0..10, and its three parts (3,) in 0..1."""
     found = criteria(q, palm, rate_hz, people.posture, people.synergies)
     parts = np.exp(-(found - people.mean - people.spread).clip(min=0) / SCALES)
     return float(10 * parts.mean()), parts
 
 
 def criteria(q: np.ndarray, palm: np.ndarray, rate_hz: float, posture: np.ndarray, synergies: np.ndarray) -> np.ndarray:
-    """(3,) detour, log jerk, unexplained share; less is more human."""
+    """Compute (3,) detour, log jerk and unexplained share; lower is more human."""
     low = int(palm[:, 2].argmin())
     straight = np.linalg.norm(palm[low] - palm[0]) + np.linalg.norm(palm[-1] - palm[low])
     way = np.linalg.norm(np.diff(palm, axis=0), axis=1).sum()
@@ -74,8 +76,9 @@ def criteria(q: np.ndarray, palm: np.ndarray, rate_hz: float, posture: np.ndarra
 
 
 def log_jerk(x: np.ndarray, rate_hz: float) -> float:
-    """Of a path (t, d): ln of the integral of squared jerk times duration cubed over squared peak speed; no unit. 4.79 for one
-    minimum-jerk reach; 0 for one that never moves.
+    """Compute the log dimensionless jerk of a path (t, d): ln of integrated squared jerk, times duration^3 over squared peak speed.
+
+    4.79 for one minimum-jerk reach; 0 for a path that never moves.
     """
     speed = np.diff(x, axis=0) * rate_hz
     jerk = np.diff(speed, n=2, axis=0) * rate_hz**2

@@ -1,4 +1,4 @@
-"""The rows of the tables of grasping: what each training changes in the teacher's parameters."""
+"""Training recipes: the rows of the result tables, as changes of the teacher's parameters."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from typing import Any
 
 TEACHER, NO_NEGATIVE, STUDENT = "teacher", "no_negative", "student"
 STUDENTS = {STUDENT: TEACHER, "student_no_negative": NO_NEGATIVE}
-"""row of a student -> that of its teacher"""
+"""row of a student -> row of its teacher"""
 POSITIVE, POSITIVE_TRUTH = "positive", "positive_truth"
 NAA = 1.0
-"""times the negative terms of a set of rewards, of every row that has NAA: as the set has them (docs/decisions/014)"""
+"""factor of the negative terms of a set of rewards, for every row with NAA: as the set defines them (docs/decisions/014)"""
 SCRIPT: dict[str, Any] = {"base": "script", "std": 0.1, "std_along": 0.35, "steps": 44}
 ALONE: dict[str, Any] = {"base": "none", "std": 0.5, "std_along": 0.5}
-"""without a base that holds anything there is nothing to lose by noise, and everything to find"""
+"""without a base that holds objects, more exploration noise costs nothing"""
 ROWS: dict[str, dict[str, Any]] = {
     TEACHER: {"lambda_n": NAA},
     NO_NEGATIVE: {"lambda_n": 0.0},
@@ -31,15 +31,16 @@ ROWS: dict[str, dict[str, Any]] = {
     "transfer_naa": {**ALONE, "reward": "unidexgrasp++", "lambda_n": NAA},
     "transfer_both": {"reward": "unidexgrasp++", "lambda_n": NAA},
 }
-"""teacher: HTI and NAA, all of AffordDex's first two stages; no_negative: HTI alone; naa_only: without the prior; neither: PPO from
-nothing; on_script*: a grasp by script instead of the prior; lambda_*: other weights of the negative terms; paper_reward: the
-paper's own four terms instead of `dense`; positive*: fingertips are drawn to where hands belong, half as much as to the surface (in
-truth, or as the two-hand model predicts it); transfer_*: both plugged into the rewards of UniDexGrasp++"""
+"""teacher: HTI and NAA, the first two stages of AffordDex; no_negative: HTI alone; naa_only: without the prior; neither: PPO from
+scratch; on_script*: a scripted grasp instead of the prior; lambda_*: other weights of the negative terms; paper_reward: the
+paper's four terms instead of `dense`; positive*: fingertips are attracted to A_t, half as much as to the surface (true, or
+predicted by the two-hand model); transfer_*: both added to the rewards of UniDexGrasp++"""
 
 
 def planned_runs(rows: Iterable[str], seeds: int) -> tuple[tuple[str, int], ...]:
-    """(row, seed): every row with seed 0, then with seed 1, ... ValueError for an unknown row, a student before its teacher, or no
-    seed.
+    """List (row, seed): every row with seed 0, then with seed 1, and so on.
+
+    ValueError for an unknown row, a student before its teacher, or no seed.
     """
     wanted = tuple(rows)
     unknown = sorted(set(wanted) - {*ROWS, *STUDENTS})

@@ -1,4 +1,4 @@
-"""Episodes of many policies, levels and engines as metrics and tables."""
+"""Report of grasping: metrics, tables and curves of many policies, levels and engines, compared with AffordDex's figures."""
 
 from __future__ import annotations
 
@@ -32,17 +32,17 @@ SAME: tuple[tuple[str, str, str], ...] = (
     (TEACHER, "lambda_n", "-10"),
     ("lambda_double", "lambda_n", "-20"),
 )
-"""row of ours, published table and row. Which two parts each row of the vision ablation has could not be told: the student without
-negative terms stands beside both"""
+"""our row, published table and published row. The parts of each row of the vision ablation are unknown; the student without
+negative terms is compared with both"""
 
 
 def published_lines(found: Sequence[ResultRow]) -> list[str]:
-    """Markdown: the published rows; before them, where there are such, ours and theirs in one line."""
+    """Format the published rows in Markdown, after a table of rows that both have."""
     return [*same_rows(found), *_published_table()]
 
 
 def same_rows(found: Sequence[ResultRow]) -> list[str]:
-    """Those that mean the same; nothing where there is none."""
+    """Format rows that mean the same; empty when there are none."""
     rows = [_published_line(row, theirs) for row, theirs in same_pairs(found)]
     head = ["## Beside the published", "", "Rows that mean the same, not the same test: objects and physics are others; HLS there",
             "is by a vision-language model, so that the two do not compare. AS of ours over successes.", "",
@@ -52,7 +52,7 @@ def same_rows(found: Sequence[ResultRow]) -> list[str]:
 
 
 def same_pairs(found: Sequence[ResultRow]) -> Iterator[tuple[ResultRow, Published]]:
-    """What both have, in the order of SAME: a row with figures and the published row of its level."""
+    """Yield our row and the published row of its level, in the order of SAME, for rows with figures."""
     for ours, table, row in SAME:
         for theirs in PUBLISHED:
             if (theirs.table, theirs.row) == (table, row):
@@ -73,7 +73,7 @@ def _published_table() -> list[str]:
 
 
 class Published(NamedTuple):
-    """A row of a published table."""
+    """Row of a published table (AffordDex, arXiv 2508.08896v3): Succ %, HLS, AS."""
 
     table: str
     row: str
@@ -103,7 +103,7 @@ PUBLISHED: tuple[Published, ...] = (
     Published("lambda_n", "-10", "train", 89.2, 8.6, 4),
     Published("lambda_n", "-20", "train", 87.1, 8.0, 0),
 )
-"""which two ticks the two vision rows have is lost in the copy that we have"""
+"""the two ticks of each vision row are illegible in our copy of the paper"""
 
 
 PRIOR = "prior"
@@ -111,13 +111,15 @@ PRIOR = "prior"
 GROUP = re.compile("^(lambda|transfer)_")
 ABOUT = ("Succ: within 5 cm of the goal at some step; held: at the last. AS: fingertips within 2 cm of a",
          "negative point at the last step. Physics is strict (100 iterations, 480 Hz); policies act by their mean.")  # fmt: skip
-"""what the table is of"""
+"""explanation of the table"""
 
 
 def metrics(episodes: Sequence[GraspEpisodes], planned: Sequence[GraspExam] = ()) -> dict[str, float]:
-    """Flat; names without an engine are PyBullet's, names without a level those of the training objects. AS is over successes,
-    `.all` over all episodes; `seeds` are finished and `unfinished` are not. Rows of a group (lambda_half, transfer_hti) have it as
-    their first word (lambda.half).
+    """Compute flat metrics.
+
+    Names without an engine are PyBullet's, names without a level those of the training objects. AS is over successes, `.all` over
+    all episodes; `seeds` are finished and `unfinished` are not. Rows of a group (lambda_half, transfer_hti) have the group as
+    first word (lambda.half).
     """
     out = dict[str, float]()
     for cell in group_cells(episodes, planned):
@@ -136,7 +138,7 @@ def metrics(episodes: Sequence[GraspEpisodes], planned: Sequence[GraspExam] = ()
 
 
 def markdown(episodes: Sequence[GraspEpisodes], more: Sequence[str] = (), planned: Sequence[GraspExam] = ()) -> str:
-    """All cells, those that are not finished marked so, `more` lines, published rows, and the first policy task by task."""
+    """Format all cells, `more` lines, published rows, and the first policy task by task; unfinished cells are marked."""
     found, table = group_cells(episodes), result_cells.result_rows(group_cells(episodes, planned))
     parts = [["# Grasps", "", *ABOUT, ""], result_cells.row_lines(table), [""], result_cells.use_lines(found), [""], more,
              published_lines(table), [""], result_cells.task_lines(episodes), [""]]  # fmt: skip
@@ -144,7 +146,7 @@ def markdown(episodes: Sequence[GraspEpisodes], more: Sequence[str] = (), planne
 
 
 def logs_by_row(logs: Sequence[TrainingLog]) -> dict[str, list[TrainingLog]]:
-    """Trainings named <row>-<seed> that have curves of episodes -> row: its seeds."""
+    """Group trainings named <row>-<seed> that have curves of episodes: row -> its seeds."""
     out = dict[str, list[TrainingLog]]()
     for log in logs:
         row, _, seed = log.name.rpartition("-")
@@ -154,7 +156,7 @@ def logs_by_row(logs: Sequence[TrainingLog]) -> dict[str, list[TrainingLog]]:
 
 
 class ReportInputs(NamedTuple):
-    """What was measured beside episodes."""
+    """Further inputs of a report."""
 
     logs: Sequence[TrainingLog] = ()
     followed: Sequence[ClipsFollowed] = ()
@@ -163,35 +165,35 @@ class ReportInputs(NamedTuple):
     """of the first policy: two_tasks.png"""
     judged: Sequence[GraspJudgement] = ()
     predicted: Sequence[GraspTask] = ()
-    """tasks whose N_t was predicted"""
+    """tasks with predicted N_t"""
     positives: Sequence[GraspTask] = ()
-    """tasks whose A_t was"""
+    """tasks with predicted A_t"""
     planned: Sequence[GraspExam] = ()
-    """of what was to be played"""
+    """planned evaluations"""
 
 
-def write_report(name: str, episodes: Sequence[GraspEpisodes], beside: ReportInputs, scratch: Path) -> FileTree:
-    """metrics.json, scores.json, report.md, curves.png and the first of the sheets; ValueError when nothing was played."""
+def write_report(name: str, episodes: Sequence[GraspEpisodes], inputs: ReportInputs, scratch: Path) -> FileTree:
+    """Write metrics.json, scores.json, report.md, curves.png and the first of the sheets; ValueError without episodes."""
     if not episodes:
-        raise ValueError(f"{name}: expected episodes to report of, got none")
-    folder, logs = empty_folder(scratch / name), beside.logs
+        raise ValueError(f"{name}: no episodes to report")
+    folder, logs = empty_folder(scratch / name), inputs.logs
     last = {f"{'hti' if log.name == PRIOR else f'training.{log.name}'}.{curve.name}": float(curve.value[-1])
             for log in logs for curve in log.curves if len(curve.value)}  # fmt: skip
     compared = comparisons.prior_ablation(episodes, logs)
     marks = {f"{'' if one.engine == MAIN else one.engine + '.'}{one.policy}.hls_vlm": float(one.score.mean())
-             for one in beside.judged if len(one.score)}  # fmt: skip
-    worth = comparisons.negative_metrics(beside.predicted, episodes) | comparisons.positive_metrics(beside.positives)
-    told = comparisons.tracking_metrics(beside.followed) | comparisons.pair_metrics(beside.pairs)
-    more = last | marks | told | compared | worth
+             for one in inputs.judged if len(one.score)}  # fmt: skip
+    worth = comparisons.negative_metrics(inputs.predicted, episodes) | comparisons.positive_metrics(inputs.positives)
+    tracked = comparisons.tracking_metrics(inputs.followed) | comparisons.pair_metrics(inputs.pairs)
+    more = last | marks | tracked | compared | worth
     finite = {key: value for key, value in more.items() if np.isfinite(value)}
-    write_json(folder / "metrics.json", metrics(episodes, beside.planned) | finite)
+    write_json(folder / "metrics.json", metrics(episodes, inputs.planned) | finite)
     write_json(folder / "scores.json", result_cells.scores(episodes))
-    lines = [*comparisons.clip_lines(beside.followed, compared), *comparisons.pair_lines(beside.pairs),
-             *comparisons.negative_lines(beside.predicted, episodes), *comparisons.positive_lines(beside.positives)]  # fmt: skip
-    (folder / "report.md").write_text(markdown(episodes, lines, beside.planned), encoding="utf-8")
+    lines = [*comparisons.clip_lines(inputs.followed, compared), *comparisons.pair_lines(inputs.pairs),
+             *comparisons.negative_lines(inputs.predicted, episodes), *comparisons.positive_lines(inputs.positives)]  # fmt: skip
+    (folder / "report.md").write_text(markdown(episodes, lines, inputs.planned), encoding="utf-8")
     if runs := logs_by_row(logs):
         write_curves(folder / "curves.png", runs)
-    for sheet in beside.sheets[:1]:
+    for sheet in inputs.sheets[:1]:
         for file in sheet.files:
             shutil.copyfile(file.path, folder / file.name)
     return tree(name, folder)

@@ -1,4 +1,7 @@
-"""Episodes of one policy on one level in one engine, over seeds: the lines of a report."""
+"""Results of one policy on one level in one engine, over seeds, as numbers and as table rows.
+
+Tables list every policy, level and engine; further tables split the first policy by use and by task.
+"""
 
 from __future__ import annotations
 
@@ -16,59 +19,61 @@ from schemas.episodes import GraspEpisodes, GraspExam
 from schemas.grasp import LEVELS
 
 MAIN = "bullet"
-"""the engine whose figures have no prefix"""
+"""engine whose figures have no prefix"""
 PCT = 100.0
 
 
 class ResultCell(NamedTuple):
-    """One policy on one level in one engine, over seeds."""
+    """Episodes of one policy on one level in one engine, over seeds."""
 
     policy: str
     level: str
     engine: str
     runs: tuple[GraspEpisodes, ...]
     planned: int = 0
-    """how many were to be; 0: those that there are"""
+    """number of seeds planned; 0: those that exist"""
 
     def mean(self, name: str, successes: bool = False) -> float:
-        """Of a figure, over episodes of each seed, then over seeds; NaN where no episode has it."""
+        """Average a figure over the episodes of each seed, then over seeds; NaN when no episode has it."""
         each = [mean_of(one.figure(name), one.figure("success") > 0 if successes else None) for one in self.runs]
         known = [x for x in each if np.isfinite(x)]
         return float(np.mean(known)) if known else float("nan")
 
     def spread(self, name: str) -> float:
-        """Standard deviation over seeds; NaN for one."""
+        """Return the standard deviation over seeds; NaN for one seed."""
         each = [mean_of(one.figure(name), None) for one in self.runs]
         return float(np.std(each, ddof=1)) if len(each) > 1 else float("nan")
 
     def depth_mm(self, percent: float) -> float:
-        """Percentile over all steps of each seed's episodes in which hand and object touch, then mean over seeds; NaN where they
-        never do.
+        """Return a percentile of penetration depth over all contact steps of each seed, then the mean over seeds.
+
+        NaN when hand and object never touch.
         """
         found = [one.depth_m[np.isfinite(one.depth_m)] for one in self.runs]
         each = [np.percentile(depths, percent) for depths in found if len(depths)]
         return float(1000 * np.mean(each)) if each else float("nan")
 
     def interval(self) -> tuple[float, float]:
-        """Wilson's 95 % interval of Succ, over all episodes."""
+        """Return Wilson's 95 % interval of the success rate over all episodes."""
         found = np.concatenate([one.figure("success") for one in self.runs])
         ci = binomtest(int(found.sum()), len(found)).proportion_ci(method="wilson")
         return float(ci.low), float(ci.high)
 
     @property
     def missing(self) -> int:
-        """How many seeds are not finished."""
+        """Number of seeds that are not finished."""
         return max(0, self.planned - len(self.runs))
 
     @property
     def episodes(self) -> int:
-        """How many, over all seeds."""
+        """Number of episodes over all seeds."""
         return sum(len(one.task) for one in self.runs)
 
 
 def group_cells(episodes: Sequence[GraspEpisodes], planned: Sequence[GraspExam] = ()) -> list[ResultCell]:
-    """One for each policy, level and engine, in the order in which policies come, levels as in LEVELS; those that were planned
-    also where none is finished.
+    """Group episodes by policy, level and engine, in the order of policies, levels as in LEVELS.
+
+    Planned cells are included even when no seed is finished.
     """
     every: tuple[GraspEpisodes | GraspExam, ...] = (*planned, *episodes)
     policies, levels = dict.fromkeys(one.policy for one in every), dict.fromkeys((*LEVELS, *(one.level for one in every)))
@@ -81,13 +86,13 @@ def group_cells(episodes: Sequence[GraspEpisodes], planned: Sequence[GraspExam] 
 
 
 def mean_of(values: np.ndarray, chosen: np.ndarray | None) -> float:
-    """Of those that are finite and, where it is given, chosen; NaN where none is."""
+    """Average the values that are finite and, if given, chosen; NaN when there are none."""
     kept = values[np.isfinite(values) & (chosen if chosen is not None else True)]
     return float(kept.mean()) if len(kept) else float("nan")
 
 
 def number(value: float, digits: int) -> str:
-    """In a table; nothing for NaN."""
+    """Format a number for a table; empty for NaN."""
     return f"{value:.{digits}f}" if np.isfinite(value) else ""
 
 
@@ -108,37 +113,37 @@ FIGURES: tuple[tuple[str, str, Callable[[ResultCell], float]], ...] = (
     ("penetration_mm.p95", "p95", lambda c: c.depth_mm(95)),
     ("episodes", "n", lambda c: float(c.episodes)),
 )
-"""name in metrics, head of the column, and how it is computed"""
+"""name in metrics, column header, and computation"""
 SHARES = ("succ", "succ_low", "succ_high", "succ_sd", "held")
 """percent in tables, shares in metrics"""
 
 
 class ResultRow(NamedTuple):
-    """One policy on one level in one engine."""
+    """Table row: one policy on one level in one engine."""
 
     policy: str
     level: str
     engine: str
     figures: Mapping[str, float]
-    """by the names of FIGURES, those that are finite; none where no seed is finished"""
+    """by the names of FIGURES, those that are finite; empty when no seed is finished"""
     seeds: int
     planned: int
-    """how many there were to be"""
+    """number of seeds planned"""
 
 
 def result_rows(found: Sequence[ResultCell]) -> list[ResultRow]:
-    """The line of each cell."""
+    """Compute the row of each cell."""
     return [ResultRow(cell.policy, cell.level, cell.engine, _cell_figures(cell), len(cell.runs), cell.planned) for cell in found]
 
 
 def scores(episodes: Sequence[GraspEpisodes]) -> dict[str, dict[str, float]]:
-    """Seed by seed: policy-seed-level-engine -> its figures."""
+    """Compute figures seed by seed: policy-seed-level-engine -> figures."""
     return {f"{cell.policy}-{cell.runs[0].seed}-{cell.level}-{cell.engine}": _cell_figures(cell)
             for one in episodes for cell in group_cells([one])}  # fmt: skip
 
 
 def row_lines(found: Sequence[ResultRow]) -> list[str]:
-    """Markdown: a table of all of them, those that are not finished marked so."""
+    """Format all rows as a Markdown table; unfinished rows are marked."""
     return [f"| policy | level | engine | {' | '.join(head for _, head, _ in FIGURES)} | seeds |",
             f"|---|---|---|{'--:|' * (len(FIGURES) + 1)}", *map(_row_line, found)]  # fmt: skip
 
@@ -158,7 +163,7 @@ def _digits(head: str) -> int:
 
 
 def use_lines(found: Sequence[ResultCell]) -> list[str]:
-    """What things are for, over all seeds."""
+    """Format the table of the first policy by use, over all seeds."""
     mine = [cell for cell in found if (cell.policy, cell.engine) == (found[0].policy, found[0].engine)]
     lines = ["## Use by use", "", f"{found[0].policy}, {found[0].engine}, over seeds.", "",
              "| level | use | objects | n | Succ % | sd of seeds | AS %, successes |", "|---|---|--:|--:|--:|--:|--:|"]  # fmt: skip
@@ -174,19 +179,19 @@ def _use_line(cell: ResultCell, use: str) -> str:
 
 
 def use_of(task: str) -> str:
-    """The second half of the name of a GraspTask, object/use."""
+    """Return the use in the name of a GraspTask, object/use."""
     return task.rpartition("/")[2]
 
 
 def of_use(run: GraspEpisodes, use: str) -> GraspEpisodes:
-    """The episodes of one use alone, without traces."""
+    """Return the episodes of one use, without traces."""
     kept = np.array([use_of(task) == use for task in run.task])
     task = tuple(task for task in run.task if use_of(task) == use)
     return replace(run, task=task, values=run.values[kept], depth_m=run.depth_m[kept], traces=())
 
 
 def task_lines(episodes: Sequence[GraspEpisodes]) -> list[str]:
-    """Every task, training by training."""
+    """Format the table of the first policy by task, training by training."""
     mine = [one for one in episodes if one.policy == episodes[0].policy and one.engine == episodes[0].engine]
     lines = [f"## {episodes[0].policy}, {episodes[0].engine}: task by task", "", "| level | task | n | Succ | AS %, successes |",
              "|---|---|--:|--:|--:|"]  # fmt: skip

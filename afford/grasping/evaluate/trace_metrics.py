@@ -1,4 +1,4 @@
-"""What a trace comes to, row by row, and the moments that tell its story."""
+"""Per-step metrics of a recorded episode, and its key frames."""
 
 from __future__ import annotations
 
@@ -6,39 +6,39 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from afford.grasping.env.measures import TOUCH_N, nearest
-from afford.grasping.env.metrics import as_safe_count, as_violation_pct
+from afford.grasping.env.measures import TOUCH_N, as_safe_count, as_violation_pct, nearest
 from afford.grasping.env.reward import GOAL_M
 from afford.grasping.env.scenery import to_world
-from afford.grasping.env.task import of
+from afford.grasping.env.task import from_grasp_task
 from schemas.episodes import GraspTrace
 from schemas.grasp import GraspTask
 
 PHASES = ("begin", "reach", "close", "lift", "end")
+"""names of the key frames"""
 RAISED_M = 0.01
-"""off the table"""
+"""height above the table"""
 
 
 @dataclass(frozen=True, eq=False)
 class TraceMetrics:
-    """The rows of a trace, judged as metrics judge them."""
+    """Metrics of every step of a trace, as in metrics of episodes."""
 
     centre: np.ndarray
     """(t, 3) centre of mass of the object, m, world"""
     goal_m: np.ndarray
-    """(t,) from there to the goal"""
+    """(t,) distance from there to the goal"""
     success: np.ndarray
-    """(t,) bool: it was at the goal here or before"""
+    """(t,) bool: at the goal now or earlier"""
     N_m: np.ndarray
-    """(t, f) from each fingertip to the nearest point that must not be touched, in truth; infinite where there are none"""
+    """(t, f) distance of each fingertip to the nearest true negative point; infinite without such points"""
     as_violation_pct: np.ndarray
-    """(t,) percent of fingertips that are not safe"""
+    """(t,) percent of fingertips that are unsafe"""
     as_safe_count: np.ndarray
-    """(t,) how many are"""
+    """(t,) number of safe fingertips"""
 
 
 def trace_metrics(trace: GraspTrace, task: GraspTask) -> TraceMetrics:
-    """All rows. ValueError for the task of another trace."""
+    """Compute the metrics of all steps; ValueError when the task is not that of the trace."""
     if trace.task != task.name:
         raise ValueError(f"trace {trace.name}: expected its task {trace.task}, got {task.name}; give each trace its own task")
     centre = to_world(trace.body, task.body.com_m[None, None])[:, 0]
@@ -47,8 +47,10 @@ def trace_metrics(trace: GraspTrace, task: GraspTask) -> TraceMetrics:
 
 
 def key_frames(trace: GraspTrace, task: GraspTask) -> tuple[int, ...]:
-    """The rows of PHASES: the first; where the hand first touches (or is nearest); the last before the object is raised; where it
-    is half as high as it ever gets; the last. Where it is never raised, they are spread evenly from the touch on.
+    """Return the steps of PHASES.
+
+    They are the first step; the first contact, or the nearest approach; the last step before the object rises; the step at half of
+    its greatest height; the last step. When the object never rises, they are spread evenly after the contact.
     """
     rise, last = trace_metrics(trace, task).centre[:, 2], len(trace.q) - 1
     rise = rise - rise[0]
@@ -63,8 +65,8 @@ def key_frames(trace: GraspTrace, task: GraspTask) -> tuple[int, ...]:
 
 
 def _to_negative(trace: GraspTrace, task: GraspTask) -> np.ndarray:
-    """(t, f) distances of fingertips to what must not be touched, in truth."""
-    points = of(task).N_true
+    """Return (t, f) distances of fingertips to true negative points."""
+    points = from_grasp_task(task).N_true
     if not len(points):
         return np.full(trace.tips.shape[:2], np.inf)
     return nearest(trace.tips, to_world(trace.body, points[None]))[0]

@@ -1,4 +1,4 @@
-"""What trainings came to, step by step: a panel for each curve, a colour for each run, a thin line for each seed."""
+"""Plot training curves: a panel for each curve, a colour for each run, a thin line for each seed."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from schemas.training import Curve, TrainingLog
 COLOURS = tuple(web(colour) for colour in (RIGHT, LEFT, *OBJECTS))
 TITLES = {"success": "success (share of episodes)", "as_violation_pct": "AS: unsafe fingertips (%)",
           "negative_contact_end": "negative contact at the end"}  # fmt: skip
-"""last word of a curve -> what its panel is called"""
+"""last word of a curve -> title of its panel"""
 REWARD = "reward"
-"""curves of a reward's terms have it in their names"""
+"""part of the names of curves of reward terms"""
 WIDE, TALL_IN, PANEL_IN = 3, 2.7, 3.8
 SMOOTH, FINEST = 0.03, 200
-"""share of a curve that is averaged around each point; most points of a mean over seeds"""
+"""window of smoothing as a share of the curve; most points of a mean over seeds"""
 
 
 def write_curves(path: Path, runs: Mapping[str, Sequence[TrainingLog]], steps_per_update: int = 1,
                  names: Sequence[str] = ()) -> None:  # fmt: skip
-    """A PNG of runs (label -> its seeds) against control steps, `steps_per_update` of them for each step of a log.
+    """Write a PNG of runs (label -> its seeds) against control steps, `steps_per_update` of them for each step of a log.
 
-    Panels are the curves `names`, or those of TITLES and of rewards that any log has. ValueError when there is none.
+    Panels are the curves `names`, or those of TITLES and of rewards that any log has. ValueError when there are no such curves.
     """
     shown = list(names) or _shown(runs)
     if not shown:
-        raise ValueError(f"runs: expected curves of success, AS or rewards, got none in {', '.join(runs) or 'no run'}")
+        raise ValueError(f"runs: no curves of success, AS or rewards in {', '.join(runs) or 'any run'}")
     wide = min(WIDE, len(shown))
     tall = -(-len(shown) // wide)
     figure = Figure(figsize=(PANEL_IN * wide, TALL_IN * tall + 0.4), layout="constrained")
@@ -56,7 +56,7 @@ def _panel(panel: Any, name: str, runs: Mapping[str, Sequence[TrainingLog]], fac
 
 
 def _run(panel: Any, seeds: Sequence[Curve], label: str, colour: str, factor: int) -> None:
-    """Seeds thin, their mean thick; one seed alone: as it was measured thin, smoothed thick."""
+    """Draw seeds thin and their mean thick; a single seed is drawn thin as measured and thick as smoothed."""
     for one in seeds:
         panel.plot(one.step * factor, one.value, color=colour, lw=0.6, alpha=0.45)
     at, mean = _mean(seeds)
@@ -64,17 +64,17 @@ def _run(panel: Any, seeds: Sequence[Curve], label: str, colour: str, factor: in
 
 
 def _mean(seeds: Sequence[Curve]) -> tuple[np.ndarray, np.ndarray]:
-    """(k,) steps that all seeds have reached, and the mean there."""
-    told = [one for one in seeds if len(one.step)]
-    if not told:
+    """Return (k,) steps that all seeds have reached, and the mean there."""
+    known = [one for one in seeds if len(one.step)]
+    if not known:
         return np.zeros(0), np.zeros(0)
-    low, high = max(one.step[0] for one in told), min(one.step[-1] for one in told)
-    at = np.linspace(low, high, min(FINEST, max(len(one.step) for one in told)))
-    return at, np.mean([np.interp(at, one.step, one.value) for one in told], axis=0)
+    low, high = max(one.step[0] for one in known), min(one.step[-1] for one in known)
+    at = np.linspace(low, high, min(FINEST, max(len(one.step) for one in known)))
+    return at, np.mean([np.interp(at, one.step, one.value) for one in known], axis=0)
 
 
 def smoothed(value: np.ndarray) -> np.ndarray:
-    """(k,) means over a window around each point, narrower at the ends."""
+    """Smooth (k,) values by a moving average whose window narrows at the ends."""
     half = int(SMOOTH * len(value))
     total = np.concatenate([[0.0], np.cumsum(value)])
     k = np.arange(len(value))
@@ -84,7 +84,7 @@ def smoothed(value: np.ndarray) -> np.ndarray:
 
 
 def _shown(runs: Mapping[str, Sequence[TrainingLog]]) -> list[str]:
-    """Names of TITLES in their order, then rewards that any run pays: a term without a weight is 0 throughout."""
+    """Return the names of TITLES in their order, then nonzero rewards of any run; a term without a weight is 0 throughout."""
     curves = [curve for logs in runs.values() for log in logs for curve in log.curves]
     known = sorted({curve.name for curve in curves if REWARD not in curve.name or np.any(curve.value)})
     first = [name for word in TITLES for name in known if _word(name) == word and REWARD not in name]

@@ -1,7 +1,7 @@
-"""One object, two tasks: the same start, once with N_t at one end of the object and once at the other. Where does the hand grasp?
+"""Evaluate one object with two tasks: the same start, once with N_t at one end of the object and once at the other.
 
-An end is what of the surface is more than APART_M from the centre of mass along the object's long axis, seen from above as it lies;
-N_t are 100 points of it, farthest apart. What is named is no part of the object: only N_t tells the two tasks apart.
+An end consists of the surface more than APART_M from the centre of mass along the object's long axis in the ground plane. N_t are
+100 points of it, by farthest point sampling. The tasks name no part of the object, so only N_t distinguishes them.
 """
 
 from __future__ import annotations
@@ -11,10 +11,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from afford.grasping.env.core import Grasping
-from afford.grasping.env.evaluate import Round, play
-from afford.grasping.env.task import NEGATIVE_POINTS, of, spread_points
-from afford.grasping.policies.acting import Policy
+from afford.grasping.env.grasp_worlds import GraspWorlds
+from afford.grasping.env.rollout import EpisodeBatch, rollout
+from afford.grasping.env.task import NEGATIVE_POINTS, from_grasp_task, spread_points
+from afford.grasping.policies.load_policy import Policy
 from afford.grasping.sim.scene import Physics
 from schemas.episodes import GraspTrace, TwoTasks
 from schemas.grasp import GraspObject, GraspTask
@@ -25,25 +25,25 @@ ENDS = ("first", "other")
 
 
 def long_axis(body: GraspObject) -> np.ndarray:
-    """(3,) of the long axis, level as the object was built, towards its first end."""
+    """Return the (3,) long axis in the ground plane of the object as built, towards its first end."""
     spots = body.points[:, :2].astype(np.float64)
     found = np.linalg.svd(spots - spots.mean(0), full_matrices=False)[2][0]
     return np.append(found if found[0] > 0 or (found[0] == 0 and found[1] > 0) else -found, 0.0)
 
 
 def opposite_end_tasks(body: GraspObject) -> tuple[GraspTask, GraspTask]:
-    """N_t at the first end, and at the other. ValueError for an object that does not reach so far to both sides."""
+    """Return the tasks with N_t at the first and at the other end; ValueError for an object without two such ends."""
     along = (body.points - body.com_m) @ long_axis(body)
     sides = [body.points[side * along > APART_M].astype(np.float64) for side in (1, -1)]
     if not all(map(len, sides)):
         raise ValueError(f"{body.name}: expected points farther than {APART_M:g} m from the centre of mass at both ends, got "
                          f"{len(sides[0])} and {len(sides[1])}; leave it out")
-    first, other = (_keeping_off(body, end, side) for end, side in zip(ENDS, sides, strict=True))
+    first, other = (_end_task(body, end, side) for end, side in zip(ENDS, sides, strict=True))
     return first, other
 
 
-def _keeping_off(body: GraspObject, end: str, points: np.ndarray) -> GraspTask:
-    """A task that names no part: only its N_t, of points (k, 3), says what must not be touched."""
+def _end_task(body: GraspObject, end: str, points: np.ndarray) -> GraspTask:
+    """Build a task that names no part; its N_t is chosen from points (k, 3)."""
     return GraspTask(f"{body.name}/{end}_end", "", "keep off this end", body, negative=(), hold="",
                      N_t=spread_points(points, NEGATIVE_POINTS), told=(), A_t=np.zeros((0, 3)))
 
@@ -51,22 +51,23 @@ def _keeping_off(body: GraspObject, end: str, points: np.ndarray) -> GraspTask:
 def evaluate_task_pairs(hand: HandModel, bodies: Sequence[GraspObject], policy: Policy, name: str, engine: str, physics: Physics,
                 rounds: int, at_once: int, shown: int, seed: int,
                 progress: Callable[[int, int], None]) -> tuple[TwoTasks, list[tuple[GraspTask, GraspTrace]]]:  # fmt: skip
-    """Both tasks of every body, `rounds` times, and traces of both of the `shown` bodies whose hand moved farthest from the
-    negative end in the first round, among those that were lifted twice. ValueError without bodies, or for a body
-    that `opposite_end_tasks` refuses.
+    """Play both tasks of every body, `rounds` times.
+
+    Also returns traces of both tasks for `shown` bodies: those whose hand moved farthest from the negative end in the first round,
+    among the bodies that were lifted twice. ValueError without bodies, or for a body that `opposite_end_tasks` rejects.
     """
     if not bodies:
-        raise ValueError("two tasks: expected an object or more, got none")
+        raise ValueError("two tasks: no objects to grasp")
     config = policy.config(engine, physics, "flat", 0.0)
     along, success, names = list[np.ndarray](), list[np.ndarray](), list[str]()
     traced = list[tuple[float, list[tuple[GraspTask, GraspTrace]]]]()
     for first in range(0, len(bodies), at_once):
         some = bodies[first : first + at_once]
         tasks = [one for body in some for one in opposite_end_tasks(body)]
-        grasping = Grasping(hand, [of(one) for one in tasks], config)
+        grasping = GraspWorlds(hand, [from_grasp_task(one) for one in tasks], config)
         for number in range(rounds):
             rngs = [np.random.default_rng([seed, first + k // 2, number]) for k in range(len(tasks))]
-            played = play(grasping, policy.actor(grasping), rngs)
+            played = rollout(grasping, policy.actor(grasping), rngs)
             along.append(_along(played, some, grasping.scenery.palm_offset))
             success.append(played.report["success"].reshape(-1, 2) > 0)
             names += [body.name for body in some]
@@ -79,8 +80,8 @@ def evaluate_task_pairs(hand: HandModel, bodies: Sequence[GraspObject], policy: 
     return made, [one for _, both in best for one in both]
 
 
-def _along(played: Round, bodies: Sequence[GraspObject], palm_offset: np.ndarray) -> np.ndarray:
-    """(b, 2) m."""
+def _along(played: EpisodeBatch, bodies: Sequence[GraspObject], palm_offset: np.ndarray) -> np.ndarray:
+    """Return (b, 2) positions of the grasp along the long axis, m."""
     rows = np.arange(len(played.ended))
     palm, lies = played.palm[rows, played.ended], played.body[rows, played.ended]
     middle = Rotation.from_quat(palm[:, 3:]).apply(palm_offset) + palm[:, :3]
@@ -89,9 +90,9 @@ def _along(played: Round, bodies: Sequence[GraspObject], palm_offset: np.ndarray
     return np.array(each).reshape(-1, 2)
 
 
-def _traces(played: Round, tasks: Sequence[GraspTask], along: np.ndarray,
+def _traces(played: EpisodeBatch, tasks: Sequence[GraspTask], along: np.ndarray,
             success: np.ndarray) -> list[tuple[float, list[tuple[GraspTask, GraspTrace]]]]:  # fmt: skip
-    """Of every body: how far the hand moved (m), -inf where it was not lifted twice, and its two traces."""
+    """Return for every body the shift of the hand (m), -inf where it was not lifted twice, and its two traces."""
     moved = np.where(success.all(axis=1), along[:, 1] - along[:, 0], -np.inf)
     both = [[(tasks[k], played.trace(k, tasks[k].name, 0)) for k in (2 * row, 2 * row + 1)] for row in range(len(moved))]
     return list(zip(moved.tolist(), both, strict=True))

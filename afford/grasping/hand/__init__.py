@@ -1,4 +1,4 @@
-"""The robot hand: description files, joints, coupling, kinematics."""
+"""Robot hands: description files, joints, coupled joints, kinematics."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Urdf:
-    """Parameters of `urdf`: what a description file may leave open."""
+    """Parameters of the backend `urdf`: facts that a URDF may omit."""
 
     fingers: tuple[str, ...] = ()
-    """finger=last link of thumb, index, middle, ring, little, where names of links do not tell"""
+    """finger=last link of thumb, index, middle, ring, little, for links whose names do not say it"""
     coupled: tuple[str, ...] = ()
-    """follower=driver of joints without a motor that have no <mimic>"""
+    """follower=driver for joints that have neither a motor nor a <mimic>"""

@@ -1,6 +1,7 @@
-"""Where the Shadow Hand comes from: the model inside the installed wheel of gymnasium-robotics, which is never imported.
+"""Files of the Shadow Hand, found inside the installed wheel of gymnasium-robotics.
 
-Its licence (Apache-2.0, in the wheel's LICENSE.md) stays with it: nothing of it is committed or published from here.
+The package is never imported. The model keeps its licence (Apache-2.0, LICENSE.md of the wheel): this project neither commits nor
+publishes it.
 """
 
 from __future__ import annotations
@@ -19,13 +20,16 @@ MESHES = "stls/hand/"
 
 
 def shadow_files() -> FileTree:
-    """The MJCF and STL files of the Shadow Hand, as a leaf of the graph; SourceError when the package is not installed."""
+    """List the MJCF and STL files of the Shadow Hand, as a leaf of the graph.
+
+    SourceError when gymnasium-robotics is not installed or lacks a file.
+    """
     from importlib import metadata  # 15 ms, which `--help` does not need
 
     try:
         listed = metadata.files(PACKAGE) or []
     except metadata.PackageNotFoundError as error:
-        raise SourceError("the Shadow Hand", f"the package {PACKAGE}", "none installed", f"pip install {PACKAGE}") from error
+        raise SourceError("the Shadow Hand", f"the package {PACKAGE}", "no such package", f"run `pip install {PACKAGE}`") from error
     found = {str(file).removeprefix(ASSETS): Path(str(file.locate())) for file in listed if str(file).startswith(ASSETS)}
     wanted = {name: path for name, path in found.items() if name in MODEL or name.startswith(MESHES)}
     missing = [name for name in MODEL if name not in wanted or not wanted[name].is_file()]

@@ -1,4 +1,7 @@
-"""A tree of links -> URDF text. Every number is written so that it is read back to the same bits."""
+"""Export a robot hand: its kinematic tree as URDF text, its meshes as OBJ files.
+
+Every number is written so that it is read back to the same bits.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,10 @@ UP, DOWN = 0.5, -0.5
 
 
 def urdf_text(tree: Tree) -> str:
-    """The whole hand. Capsules become `<capsule>`: MuJoCo, PyBullet, Drake and newer ROS read it (see `split_capsule`)."""
+    """Write the whole hand as URDF.
+
+    Capsules become `<capsule>`, which MuJoCo, PyBullet, Drake and newer ROS read; see `split_capsule`.
+    """
     robot = Xml.Element("robot", name=tree.name)
     for link in tree.links:
         _link(robot, link)
@@ -27,7 +33,7 @@ def urdf_text(tree: Tree) -> str:
 
 
 def split_capsule(shape: Shape) -> tuple[Shape, ...]:
-    """A capsule as standard URDF has it: a cylinder and two spheres; any other shape as it is."""
+    """Split a capsule into a cylinder and two spheres, for standard URDF; return any other shape unchanged."""
     if shape.kind != "capsule":
         return (shape,)
     radius, length = shape.size_m
@@ -93,17 +99,17 @@ def _origin(element: Xml.Element, T: np.ndarray) -> None:
 
 
 def _words(numbers: Iterable[float]) -> str:
-    """Shortest decimals that give the same doubles; no minus zero."""
+    """Format numbers as the shortest decimals that give the same doubles, without minus zero."""
     return " ".join(repr(float(number) + 0.0) for number in numbers)
 
 
 def mesh_files(hand: HandModel) -> dict[str, bytes]:
-    """The meshes that the URDF names, by file name without folder, for engines that read from memory."""
+    """Return the meshes that the URDF names, by file name without folder, for engines that read from memory."""
     return {mesh.file.rpartition("/")[2]: _obj(mesh).encode() for mesh in hand.meshes}
 
 
 def save_hand(hand: HandModel, folder: Path) -> Path:
-    """Write `<name>.urdf` and the meshes that it names; gives the URDF. The same hand gives the same bytes."""
+    """Write `<name>.urdf` and its meshes to a folder and return the path of the URDF; the same hand gives the same bytes."""
     folder.mkdir(parents=True, exist_ok=True)
     for mesh in hand.meshes:
         path = folder / mesh.file
@@ -115,7 +121,7 @@ def save_hand(hand: HandModel, folder: Path) -> Path:
 
 
 def _obj(mesh: HandMesh) -> str:
-    """OBJ with one normal per face, so that edges stay edges."""
+    """Format a mesh as OBJ with one normal per face, so that edges stay sharp."""
     corners = mesh.vertices.astype(np.float64)[mesh.faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)

@@ -1,4 +1,8 @@
-"""Which links are fingers: their tips, the two joints of each that imitation compares, the palm that all hang on."""
+"""Fingers of a robot hand: their last links and tips, the palm, and the axes and side of the palm.
+
+The axes of the palm come from the way that the middle finger closes: x to a right hand's thumb, y out of the back, z to the
+fingers.
+"""
 
 from __future__ import annotations
 
@@ -16,41 +20,44 @@ from schemas.hand import FINGERS, HandFingers, HandJoints
 
 WORDS = {"thumb": ("th",), "index": ("ff", "index", "fore"), "middle": ("mf", "middle"), "ring": ("rf", "ring"),
          "little": ("lf", "little", "pinky")}  # fmt: skip
-"""finger -> how a word in the name of its last link begins"""
+"""finger -> possible beginnings of a word in the name of its last link"""
 SAME_M = 1e-3
-"""joints closer than this are one knuckle"""
+"""joints closer than this count as one knuckle"""
 
 
 @dataclass(frozen=True, eq=False)
 class Finger:
-    """One finger."""
+    """Links of one finger: the two joints that imitation compares, and the tip."""
 
     name: str
     base_link: str
     middle_link: str
     tip_link: str
     tip_m: np.ndarray
-    """(3,) in the frame of the last link"""
+    """(3,) in the frame of tip_link"""
 
 
 def find_fingers(tree: Tree, named: Sequence[str] = ()) -> tuple[Finger, ...]:
-    """Thumb first; `named` says finger=last link where names do not tell. SourceError when there is no thumb or nothing else."""
+    """Find the fingers of a hand, thumb first.
+
+    `named` lists finger=last link for hands whose link names do not say it. SourceError without a thumb or without another finger.
+    """
     leaves = dict(_named(tree, named)) if named else _guessed(tree)
     if "thumb" not in leaves or len(leaves) < 2:
         raise SourceError(f"{tree.name}, fingers", "a thumb and another finger among the last links",
-                          f"{', '.join(tree.leaves())}", "say fingers=thumb=LINK,index=LINK,...")
+                          f"{', '.join(tree.leaves())}", "set fingers=thumb=LINK,index=LINK,...")
     palm = common_link(tree, list(leaves.values()))
     return tuple(_finger(tree, palm, name, leaves[name]) for name in FINGERS if name in leaves)
 
 
 def common_link(tree: Tree, links: Sequence[str]) -> str:
-    """The last link that all of them hang on: the palm of fingertips."""
+    """Return the last link that is an ancestor of all `links`: for fingertips, the palm."""
     paths = [[tree.links[0].name, *(joint.child for joint in tree.path(link))] for link in links]
     return [steps[0] for steps in zip(*paths, strict=False) if len(set(steps)) == 1][-1]
 
 
 def below_link(path: list[Joint], link: str) -> list[Joint]:
-    """The part of a path that hangs on a link of it."""
+    """Return the joints of a path that come after one of its links."""
     return path[[joint.parent for joint in path].index(link) :]
 
 
@@ -75,11 +82,14 @@ def _guessed(tree: Tree) -> dict[str, str]:
 
 
 def _finger(tree: Tree, palm: str, name: str, leaf: str) -> Finger:
-    """A frame that is fixed beyond the last joint is the fingertip; else the source says where it is, or the shapes do."""
+    """Build one finger.
+
+    The tip is a frame fixed beyond the last joint, else the point that the source names, else the farthest point of the shapes.
+    """
     chain = below_link(tree.path(leaf), palm)
     last = max((k for k, joint in enumerate(chain) if joint.kind != "fixed"), default=-1)
     if last < 0:
-        raise SourceError(f"{tree.name}, finger {name}", f"joints that move between {palm!r} and {leaf!r}", "none",
+        raise SourceError(f"{tree.name}, finger {name}", f"joints that move between {palm!r} and {leaf!r}", "fixed joints only",
                           "name the right links in fingers")
     knuckles = _knuckles(chain[: last + 1])
     return Finger(name, knuckles[-3 if len(knuckles) > 2 else 0], knuckles[-2 if len(knuckles) > 1 else 0],
@@ -87,7 +97,7 @@ def _finger(tree: Tree, palm: str, name: str, leaf: str) -> Finger:
 
 
 def _knuckles(chain: Sequence[Joint]) -> list[str]:
-    """The last link at every place where the finger bends."""
+    """Return the last link at every place where the finger bends."""
     out: list[str] = []
     T, at = np.eye(4), np.full(3, np.inf)
     for joint in chain:
@@ -112,13 +122,16 @@ def _tip(tree: Tree, link: str, beyond: Sequence[Joint]) -> np.ndarray:
 
 
 STRAIGHT = ("middle", "index", "ring", "little")
-"""the finger that is taken, the first that there is"""
+"""fingers by preference for the axes of the palm; the first that the hand has is used"""
 ONE_WAY = 0.2
-"""a joint bends one way when its limits are further from even than this share of its range; others swing sideways"""
+"""a joint bends one way when the sum of its limits exceeds this share of its range; other joints swing sideways"""
 
 
 def grip_axes(joints: HandJoints, fingers: HandFingers, palm: int) -> np.ndarray:
-    """(3, 3) rotation, columns x, y, z in the palm's frame: z along the straight finger, -y where its tip goes when it bends."""
+    """Compute the axes x, y, z of the grip in the palm frame, as the columns of a (3, 3) rotation.
+
+    z runs along the straight finger; the fingertip moves towards -y when the finger bends.
+    """
     k = next(fingers.name.index(name) for name in STRAIGHT if name in fingers.name)
     root, straight = _finger_ends(joints, fingers, palm, k, 0.0)
     _, bent = _finger_ends(joints, fingers, palm, k, 0.25)
@@ -129,14 +142,17 @@ def grip_axes(joints: HandJoints, fingers: HandFingers, palm: int) -> np.ndarray
 
 
 def hand_side(joints: HandJoints, fingers: HandFingers, palm: int, R_palm_grip: np.ndarray) -> str:
-    """right when the thumb is on the side of +x, left when it is on that of -x."""
+    """Return right when the thumb lies towards +x of the grip axes, else left."""
     thumb, _ = _finger_ends(joints, fingers, palm, fingers.name.index("thumb"), 0.0)
     others = [_finger_ends(joints, fingers, palm, k, 0.0)[0] for k, name in enumerate(fingers.name) if name != "thumb"]
     return "right" if (thumb - np.mean(others, axis=0)) @ R_palm_grip[:, 0] > 0 else "left"
 
 
 def _finger_ends(joints: HandJoints, fingers: HandFingers, palm: int, finger: int, bend: float) -> tuple[np.ndarray, np.ndarray]:
-    """Base and tip in the palm's frame; joints at or nearest to 0, those that only bend one way by `bend` of their range."""
+    """Compute the base and the tip of a finger in the palm frame.
+
+    Joints that bend one way are at `bend` of their range, all others at 0 or at the limit nearest to 0.
+    """
     low, high = joint_limits(joints).T
     still = np.clip(0.0, low, high)
     of_finger = np.array([joints.role[k] in ("actuated", "coupled") for k in moving_joints(joints)])

@@ -1,6 +1,7 @@
-"""Where the links of a hand are, and how points on them move: batched, in numpy, from the joints table alone.
+"""Forward kinematics, Jacobians and joint coupling of a robot hand: batched, in numpy, from its table of joints.
 
-q is (n, d): the joints that are not fixed, in the order of the table; coupled joints are among them (see coupling.py).
+A configuration q is (n, d): all joints that are not fixed, in the order of the table. Coupled joints follow a driver: q = A u + b,
+where the command u is (n, m) and holds the joints that have a motor, wrist first.
 """
 
 from __future__ import annotations
@@ -11,17 +12,20 @@ from schemas.hand import HandJoints
 
 
 def moving_joints(joints: HandJoints) -> np.ndarray:
-    """(d,) indices of the joints that are not fixed: the columns of q."""
+    """Return the (d,) indices of the joints that are not fixed: the columns of q."""
     return np.array([k for k, kind in enumerate(joints.kind) if kind != "fixed"], np.int64)
 
 
 def joint_limits(joints: HandJoints) -> np.ndarray:
-    """(d, 2) lower and upper, rad or m."""
+    """Return the (d, 2) lower and upper limits of the columns of q, rad or m."""
     return np.stack([joints.lower, joints.upper], axis=1)[moving_joints(joints)]
 
 
 def forward_kinematics(joints: HandJoints, q: np.ndarray) -> np.ndarray:
-    """(n, d) -> (n, l, 4, 4) T_root_link, for any q; ValueError when d is not that of the hand."""
+    """Compute the pose of every link: q (n, d) -> T_root_link (n, l, 4, 4).
+
+    q may exceed the limits. ValueError when d is not that of the hand.
+    """
     motion = _motions(joints, q)
     out = np.tile(np.eye(4), (len(q), len(joints.name) + 1, 1, 1))
     for k, (parent, child) in enumerate(zip(joints.parent, joints.child, strict=True)):
@@ -30,15 +34,18 @@ def forward_kinematics(joints: HandJoints, q: np.ndarray) -> np.ndarray:
 
 
 def points_on_links(T: np.ndarray, links: np.ndarray, offsets_m: np.ndarray) -> np.ndarray:
-    """(n, l, 4, 4) poses, (k,) links, (k, 3) offsets in them -> (n, k, 3) in the root's frame."""
+    """Transform points that are fixed to links into the root frame.
+
+    T (n, l, 4, 4) poses of all links, links (k,), offsets_m (k, 3) in the frames of these links -> (n, k, 3).
+    """
     found: np.ndarray = np.einsum("nkij,kj->nki", T[:, links][..., :3, :3], offsets_m) + T[:, links][..., :3, 3]
     return found
 
 
 def jacobian(joints: HandJoints, T: np.ndarray, links: np.ndarray, offsets_m: np.ndarray) -> np.ndarray:
-    """How points on links move with q: (n, k, 3, d), metres per radian (per metre where a joint slides).
+    """Compute the Jacobian of points on links with respect to q: (n, k, 3, d), m/rad, or m/m for prismatic joints.
 
-    T (n, l, 4, 4) is `forward_kinematics` of the configurations; (k,) links and (k, 3) offsets as in `points_on_links`.
+    T (n, l, 4, 4) is `forward_kinematics` of the configurations; links (k,) and offsets_m (k, 3) as in `points_on_links`.
     """
     move = moving_joints(joints)
     carried = joints.child[move]
@@ -51,7 +58,7 @@ def jacobian(joints: HandJoints, T: np.ndarray, links: np.ndarray, offsets_m: np
 
 
 def ancestry(joints: HandJoints) -> np.ndarray:
-    """(l, l) bool: [a, b] is true when link a hangs on link b, or is it."""
+    """Return (l, l) bool: [a, b] is true when b is link a or an ancestor of link a."""
     out = np.eye(len(joints.name) + 1, dtype=bool)
     for parent, child in zip(joints.parent, joints.child, strict=True):
         out[child] |= out[parent]
@@ -59,7 +66,7 @@ def ancestry(joints: HandJoints) -> np.ndarray:
 
 
 def _motions(joints: HandJoints, q: np.ndarray) -> np.ndarray:
-    """(n, j, 4, 4): what each joint adds at q; Rodrigues' formula, identity where fixed."""
+    """Compute the transform that each joint adds at q, (n, j, 4, 4): Rodrigues' formula, identity for fixed joints."""
     move = moving_joints(joints)
     if q.ndim != 2 or q.shape[1] != len(move):
         raise ValueError(f"q: expected (n, {len(move)}), one column for each joint that moves, got {q.shape}")
@@ -76,22 +83,22 @@ def _motions(joints: HandJoints, q: np.ndarray) -> np.ndarray:
 
 
 def commanded_joints(joints: HandJoints) -> np.ndarray:
-    """(m,) indices of the joints that are commanded, wrist first: the columns of u."""
+    """Return the (m,) indices of the joints that have a motor, wrist first: the columns of u."""
     return np.array([k for k, role in enumerate(joints.role) if role in ("wrist", "actuated")], np.int64)
 
 
 def commanded_columns(joints: HandJoints) -> np.ndarray:
-    """(m,) where the joints that are commanded stand in q: u is q[commanded]."""
+    """Return the (m,) columns of q that are commanded: u = q[commanded_columns]."""
     return np.searchsorted(moving_joints(joints), commanded_joints(joints))
 
 
 def command_limits(joints: HandJoints) -> np.ndarray:
-    """(m, 2) lowest and highest position of the joints that are commanded, rad or m."""
+    """Return the (m, 2) lower and upper positions of the commanded joints, rad or m."""
     return np.stack([joints.lower, joints.upper], axis=1)[commanded_joints(joints)]
 
 
 def coupling_matrix(joints: HandJoints) -> tuple[np.ndarray, np.ndarray]:
-    """A (d, m) and b (d,): q = A u + b. A Jacobian by q times A is one by u."""
+    """Return A (d, m) and b (d,) of q = A u + b; a Jacobian with respect to q, times A, is one with respect to u."""
     rows, columns = moving_joints(joints), commanded_joints(joints)
     follows = np.where(joints.driver[rows] < 0, rows, joints.driver[rows])
     ratio = np.where(joints.driver[rows] < 0, 1.0, joints.ratio[rows])

@@ -1,4 +1,4 @@
-"""Shapes of a hand as triangles: to draw it, to measure it."""
+"""Triangle meshes of the links of a hand, for rendering and measuring."""
 
 from __future__ import annotations
 
@@ -10,17 +10,16 @@ import numpy as np
 import trimesh
 
 from afford.common.errors import SourceError
-from afford.grasping.hand.read_urdf import SIZES
 from afford.grasping.hand.tree import Shape, Tree
-from afford.surface.meshes.urdf import filename, numbers, origin, parse
+from afford.surface.meshes.urdf import dimensions, filename, origin, parse
 from schemas.hand import HandModel
 
 SIDES = 24
-"""corners around anything round, where nothing else is said"""
+"""default number of corners around a round shape"""
 
 
 def shape_mesh(shape: Shape, tree: Tree, sides: int = SIDES) -> trimesh.Trimesh:
-    """A shape in the frame of its link, metres; so many corners around anything round."""
+    """Triangulate a shape in the frame of its link, metres, with `sides` corners around round shapes."""
     return _solid(shape, tree, sides).apply_transform(shape.T_link_shape)
 
 
@@ -39,7 +38,10 @@ def _solid(shape: Shape, tree: Tree, sides: int) -> trimesh.Trimesh:
 
 
 def farthest_point(tree: Tree, link: str) -> np.ndarray:
-    """(3,) the point of a link's shapes that is farthest from its origin, in its frame; SourceError when it has no shapes."""
+    """Return the (3,) point of a link's shapes that is farthest from the link's origin, in the link frame.
+
+    SourceError when the link has no shapes.
+    """
     found = next(entry for entry in tree.links if entry.name == link)
     shapes = found.collisions or found.visuals
     if not shapes:
@@ -51,7 +53,7 @@ def farthest_point(tree: Tree, link: str) -> np.ndarray:
 
 
 class LinkMesh(NamedTuple):
-    """The surface of a link."""
+    """Surface of one link."""
 
     link: int
     """index into the links of the hand"""
@@ -62,8 +64,10 @@ class LinkMesh(NamedTuple):
 
 
 def link_meshes(hand: HandModel, kinds: Sequence[str] = ("visual", "collision"), sides: int = SIDES) -> tuple[LinkMesh, ...]:
-    """Of the links that have a shape of the first of `kinds` that they have: what they are to look like, or, where nobody says
-    what they collide with; so many corners around anything round.
+    """Triangulate the links of a hand from its URDF and meshes.
+
+    Each link uses the first of `kinds` for which it has shapes; links without shapes are left out. Round shapes have `sides`
+    corners.
     """
     root = parse(hand.urdf, hand.name)
     tree = Tree(hand.name, (), (), {mesh.file: (mesh.vertices, mesh.faces) for mesh in hand.meshes})
@@ -79,9 +83,8 @@ def _skin(link: int, elements: list[Xml.Element], tree: Tree, sides: int) -> Lin
 
 
 def _shape(element: Xml.Element, name: str) -> Shape:
-    """A shape as `afford.grasping.hand.export` writes it."""
+    """Read a shape from the XML that `afford.grasping.hand.export` writes."""
     kind = next(iter(element.find("geometry") or ()))
     if kind.tag == "mesh":
         return Shape("mesh", (), origin(element, name), filename(kind, name))
-    size = np.concatenate([numbers(kind, key, None, name, count) for key, count in SIZES[kind.tag]])
-    return Shape(kind.tag, tuple(size.tolist()), origin(element, name))
+    return Shape(kind.tag, tuple(dimensions(kind, name).tolist()), origin(element, name))

@@ -1,8 +1,8 @@
-"""The Shadow Hand's MJCF -> a tree of links, through MuJoCo's own compiler: defaults, includes and frames are as it sees them.
+"""Read the Shadow Hand's MJCF into a kinematic tree, through MuJoCo's own compiler, which resolves defaults and includes.
 
-Kept: bodies, hinges with limits, inertia, the primitives that collide (group 4), the meshes that are seen (group 1), the motors'
-torque limits, fingertip sites, the pairs of links that may touch. The coupling of each finger's last two joints is a tendon of
-0.00705 q0 - 0.00805 q1 within +-0.001 there; here q0 = q1, which keeps both limits (docs/grasping/hand.md).
+The tree keeps bodies, hinges with limits, inertia, collision primitives (group 4), visual meshes (group 1), the motors' torque
+limits, fingertip sites, and the pairs of links that may touch. In the MJCF, a tendon of 0.00705 q0 - 0.00805 q1 within +-0.001
+couples the last two joints of each finger. The tree uses q0 = q1, which respects both limits (docs/grasping/hand.md).
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ PREFIX = "robot0:"
 MOUNT = "robot0:hand mount"
 COLLIDES, SEEN = 4, 1
 VELOCITY_RAD_S = 4.0
-"""MJCF knows no limit of speed; this is that of the fastest joints in the maker's own URDF"""
+"""MJCF has no velocity limit; this is the limit of the fastest joints in the maker's own URDF"""
 WORLD = """<mujoco><compiler angle="radian"/><include file="shared.xml"/><asset><include file="shared_asset.xml"/></asset>
 <worldbody><include file="robot.xml"/></worldbody></mujoco>"""
 
 
 def compile_hand(files: FileTree) -> mujoco.MjModel:
-    """The hand alone as MuJoCo compiles it; SourceError when it cannot."""
+    """Compile the hand alone with MuJoCo; SourceError when MuJoCo rejects it."""
     try:
         return mujoco.MjModel.from_xml_string(WORLD, {f.name.rpartition("/")[2]: f.path.read_bytes() for f in files.files})
     except ValueError as error:
@@ -34,7 +34,7 @@ def compile_hand(files: FileTree) -> mujoco.MjModel:
 
 
 def read(files: FileTree) -> Tree:
-    """The hand from the forearm on; link and joint names without their prefix."""
+    """Read the hand from the forearm on; names of links and joints lose their prefix."""
     model = compile_hand(files)
     bodies = [b for b in range(1, model.nbody) if model.body(b).name != MOUNT]
     joints = [_joint(model, b) for b in bodies if model.body(int(model.body_parentid[b])).name not in ("world", MOUNT)]
@@ -67,7 +67,10 @@ def _link(model: mujoco.MjModel, body: int) -> Link:
 
 
 def _shape(model: mujoco.MjModel, geom: int) -> Shape:
-    """MuJoCo has half sizes, and moves a mesh to its principal axes: the pose of the geom undoes that."""
+    """Convert a geom to a shape.
+
+    MuJoCo stores half sizes, and moves a mesh to its principal axes; the pose of the geom undoes that.
+    """
     kind, size = int(model.geom_type[geom]), model.geom_size[geom]
     T = _pose(model.geom_pos[geom], model.geom_quat[geom])
     if kind == mujoco.mjtGeom.mjGEOM_MESH:
@@ -93,7 +96,7 @@ def _meshes(model: mujoco.MjModel) -> dict[str, tuple[np.ndarray, np.ndarray]]:
 
 
 def _joint(model: mujoco.MjModel, body: int) -> Joint:
-    """The one hinge of a body, which sits at its origin."""
+    """Convert the single hinge of a body, which lies at the body's origin."""
     j = int(model.body_jntadr[body])
     parent, child = _name(model.body(int(model.body_parentid[body]))), _name(model.body(body))
     T = _pose(model.body_pos[body], model.body_quat[body])
@@ -111,7 +114,10 @@ def _joint(model: mujoco.MjModel, body: int) -> Joint:
 
 
 def _driver(model: mujoco.MjModel, joint: int) -> int | None:
-    """The motorised joint that a tendon of two opposite coefficients ties a joint without a motor to."""
+    """Find the motorised joint to which a tendon of two opposite coefficients ties a joint.
+
+    None for a joint that has a motor.
+    """
     if _motors(model, joint):
         return None
     for tendon in range(model.ntendon):

@@ -1,4 +1,4 @@
-"""A tree of links and what is wanted of it -> the hand: cut at its root, on its gantry, with its table, fingers and URDF."""
+"""Build a HandModel from a kinematic tree: cut it at the root, mount it on a gantry, find fingers, write its URDF."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ from schemas.hand import HandFingers, HandJoints, HandMesh, HandModel
 
 @dataclass(frozen=True)
 class HandOptions:
-    """What a hand is wanted like."""
+    """Options of the hand that is built."""
 
     root: str = ""
-    """link that the hand starts at; '' = the palm"""
+    """link at which the hand starts; '' = the palm"""
     gantry: Gantry | None = None
-    """None: the root is free, or fixed by the engine"""
+    """None: the root is free, or the engine fixes it"""
     capsules: bool = True
-    """False: a cylinder and two spheres for each"""
+    """False: write a cylinder and two spheres for each capsule"""
     fingers: Sequence[str] = ()
-    """finger=last link, where names do not tell"""
+    """finger=last link, for links whose names do not say it"""
 
 
-def build_hand(tree: Tree, wishes: HandOptions) -> HandModel:
-    """The hand; SourceError when it lacks something."""
-    found = find_fingers(tree, wishes.fingers)
+def build_hand(tree: Tree, options: HandOptions) -> HandModel:
+    """Build the hand; SourceError when the tree lacks what a hand needs."""
+    found = find_fingers(tree, options.fingers)
     palm = common_link(tree, [finger.tip_link for finger in found])
-    hand = _cut(tree, wishes.root or palm, palm)
-    hand = hand if wishes.gantry is None else mount_on_gantry(hand, wishes.gantry)
-    hand = hand if wishes.capsules else _split(hand)
+    hand = _cut(tree, options.root or palm, palm)
+    hand = hand if options.gantry is None else mount_on_gantry(hand, options.gantry)
+    hand = hand if options.capsules else _split(hand)
     at = {link.name: number for number, link in enumerate(hand.links)}
     joints = _joints(hand, at, palm)
     table = _fingers(found, at)
@@ -102,7 +102,11 @@ def _fingers(found: tuple[Finger, ...], at: dict[str, int]) -> HandFingers:
 
 
 def _contacts(tree: Tree, at: dict[str, int], found: tuple[Finger, ...]) -> np.ndarray:
-    """What the source says; else any two links of different fingers, and the thumb's last link with the palm."""
+    """Return the pairs of links that may touch, (k, 2).
+
+    The source's own pairs when it lists them; else all pairs of links of different fingers, and the thumb's last link with the
+    palm.
+    """
     pairs = tree.contacts
     if pairs is None:
         bodies = {link.name for link in tree.links if link.collisions}
@@ -118,26 +122,27 @@ STEPS = ("x", "y", "z", "yaw", "pitch", "roll")
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0),
         "yaw": (0.0, 0.0, 1.0), "pitch": (0.0, 1.0, 0.0), "roll": (1.0, 0.0, 0.0)}  # fmt: skip
 TURN_RAD = {"yaw": np.pi, "pitch": np.pi / 2, "roll": np.pi}
-"""pitch in the middle: it is the one that must stay clear of a right angle, where yaw and roll become the same"""
+"""pitch is the middle angle because it must stay clear of a right angle, at which yaw and roll become the same turn"""
 INERTIA_KGM2 = 1e-4
 SPEED_M_S, SPEED_RAD_S = 2.0, 6.0
 
 
 @dataclass(frozen=True)
 class Gantry:
-    """How far and how hard."""
+    """A 6-DoF wrist: three slides and three hinges (x, y, z, yaw, pitch, roll) between a fixed base and the root of a hand."""
 
     reach_m: float
-    """the slides go this far both ways"""
+    """range of each slide, both ways"""
     force_n: float
     torque_nm: float
     mass_kg: float
-    """of each of its six parts"""
+    """mass of each of the six parts"""
 
 
 def mount_on_gantry(tree: Tree, gantry: Gantry) -> Tree:
-    """The hand on its gantry; the pose of its root is T(x, y, z) Rz(yaw) Ry(pitch) Rx(roll). SourceError when the hand has links or
-    joints of the gantry's names.
+    """Mount a hand on a gantry: the pose of its root is T(x, y, z) Rz(yaw) Ry(pitch) Rx(roll).
+
+    SourceError when the hand has links or joints with the names of the gantry's.
     """
     names = [BASE, *(f"{BASE}_{step}" for step in STEPS[:-1])]
     inertia = np.eye(3) * INERTIA_KGM2
@@ -155,13 +160,16 @@ def _gantry_joint(step: str, parent: str, child: str, gantry: Gantry) -> Joint:
 
 
 def couple_joints(tree: Tree, pairs: Sequence[str]) -> Tree:
-    """The tree with more couplings, each written follower=driver; SourceError when they are not joints that can be coupled."""
+    """Add couplings, each written follower=driver, to a tree.
+
+    SourceError for joints that do not exist, do not move, or cannot be coupled.
+    """
     wanted = {follower: driver for follower, _, driver in (pair.partition("=") for pair in pairs)}
     moves = {joint.name for joint in tree.joints if joint.kind != "fixed"}
     for follower, driver in wanted.items():
         if not moves.issuperset((follower, driver)):
             raise SourceError(f"{tree.name}, coupled", "follower=driver, two joints that move", f"{follower}={driver}",
-                              f"choose among {', '.join(sorted(moves))}")
+                              f"choose from {', '.join(sorted(moves))}")
     joints = tuple(replace(j, coupling=Coupling(wanted[j.name])) if j.name in wanted else j for j in tree.joints)
     _check_drivers(tree.name, {j.name: j.coupling.driver for j in joints if j.coupling is not None}, moves)
     return replace(tree, joints=joints)

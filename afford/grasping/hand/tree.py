@@ -1,4 +1,7 @@
-"""What both readers of hands give: a tree of links with their shapes. Metres, kilograms, radians; poses are (4, 4)."""
+"""Kinematic tree of a robot hand: links with their shapes, and joints. The readers of MJCF and URDF both return it.
+
+Units are metres, kilograms and radians; poses are (4, 4).
+"""
 
 from __future__ import annotations
 
@@ -14,20 +17,20 @@ GREY = (0.93, 0.93, 0.93)
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """A solid fixed to a link."""
+    """Solid fixed to a link."""
 
     kind: str
     """box, sphere, cylinder, capsule or mesh"""
     size_m: tuple[float, ...]
-    """box: sides; sphere: radius; cylinder, capsule: radius, length along z (a capsule's caps come on top); mesh: ()"""
+    """box: sides; sphere: radius; cylinder, capsule: radius and length along z without a capsule's caps; mesh: ()"""
     T_link_shape: np.ndarray
     mesh: str = ""
-    """key of the mesh in the tree"""
+    """key into `Tree.meshes`"""
 
 
 @dataclass(frozen=True, eq=False)
 class Link:
-    """A rigid body."""
+    """Rigid body."""
 
     name: str
     mass_kg: float = 0.0
@@ -41,7 +44,7 @@ class Link:
 
 @dataclass(frozen=True)
 class Coupling:
-    """q = ratio * q of the driver + offset."""
+    """Relation of a joint to its driver: q = ratio * q_driver + offset."""
 
     driver: str
     ratio: float = 1.0
@@ -50,7 +53,7 @@ class Coupling:
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """How a link hangs on its parent."""
+    """Connection of a link to its parent."""
 
     name: str
     kind: str
@@ -78,12 +81,12 @@ class Tree:
     meshes: Mapping[str, tuple[np.ndarray, np.ndarray]]
     """file name in a URDF -> (v, 3) float32 vertices in metres, (t, 3) int32 faces"""
     tips: Mapping[str, np.ndarray] = field(default_factory=dict)
-    """link -> (3,) fingertip in its frame, where the source says so"""
+    """link -> (3,) fingertip in its frame, for sources that name it"""
     contacts: tuple[tuple[str, str], ...] | None = None
-    """pairs of links that may touch each other; None where the source does not say"""
+    """pairs of links that may touch each other; None when the source does not list them"""
 
     def path(self, link: str) -> list[Joint]:
-        """The joints from the root to a link, root first."""
+        """Return the joints from the root to a link, root first."""
         carrier = {joint.child: joint for joint in self.joints}
         out: list[Joint] = []
         while link in carrier:
@@ -92,13 +95,16 @@ class Tree:
         return out[::-1]
 
     def leaves(self) -> list[str]:
-        """Links that carry nothing."""
+        """Return the names of the links that have no children."""
         parents = {joint.parent for joint in self.joints}
         return [link.name for link in self.links if link.name not in parents]
 
 
 def ordered(tree: Tree) -> Tree:
-    """The same tree, every parent before its children, children as they were listed; SourceError when it is no tree."""
+    """Sort links and joints so that every parent comes before its children.
+
+    Siblings keep their order. SourceError when the joints do not form one tree.
+    """
     links = _by_name([link.name for link in tree.links], "link", tree.name)
     _by_name([joint.name for joint in tree.joints], "joint", tree.name)
     carried = _by_name([joint.child for joint in tree.joints], "carried link", tree.name)
@@ -108,7 +114,7 @@ def ordered(tree: Tree) -> Tree:
                           "add the link or correct its name")
     roots = [name for name in links if name not in carried]
     if len(roots) > 1 or not links:
-        raise SourceError(tree.name, "one root link", " and ".join(roots) or "none", "join all links below one")
+        raise SourceError(tree.name, "one root link", " and ".join(roots) or "no links", "join all links below one")
     joints = _below(tree, roots[0]) if roots else []
     if len(joints) != len(links) - 1:
         lost = next(name for name in links if name not in {*roots, *(joint.child for joint in joints)})
@@ -118,7 +124,7 @@ def ordered(tree: Tree) -> Tree:
 
 
 def subtree(tree: Tree, root: str) -> Tree:
-    """Only what hangs on `root`, with the meshes that it needs."""
+    """Return the tree below `root`, with the meshes that it needs."""
     joints = _below(tree, root)
     kept = {root, *(joint.child for joint in joints)}
     links = tuple(link for link in tree.links if link.name in kept)
@@ -130,7 +136,7 @@ def subtree(tree: Tree, root: str) -> Tree:
 
 
 def _below(tree: Tree, root: str) -> list[Joint]:
-    """Joints below a link, depth first."""
+    """List the joints below a link, depth first."""
     carried: dict[str, list[Joint]] = {}
     for joint in reversed(tree.joints):
         carried.setdefault(joint.parent, []).append(joint)

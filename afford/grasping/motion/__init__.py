@@ -1,1 +1,1 @@
-"""Human hand motion: readers, synthesis, retargeting."""
+"""Human hand motion: readers, synthesis, retargeting to a robot hand."""

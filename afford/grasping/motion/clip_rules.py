@@ -1,4 +1,4 @@
-"""Which clips may be imitated: before a hand is fitted to them, and after."""
+"""Rules that drop clips which cannot serve as demonstrations, before and after retargeting."""
 
 from __future__ import annotations
 
@@ -10,41 +10,41 @@ from afford.grasping.motion.targets import grip_axes
 from schemas.hand import HandModel, HandMotion
 
 SMALL_M = 0.005
-"""bones shorter than this may change as they like: a webcam sees them at all lengths"""
+"""bones shorter than this may change in length at will: a webcam tracker measures them poorly"""
 
 
 @dataclass(frozen=True)
 class ClipRules:
-    """Limits; a clip that passes one is dropped."""
+    """Limits; a clip that exceeds one is dropped."""
 
     min_s: float
     """shortest clip; a single frame is a pose and may stay"""
     max_point_m_s: float
-    """fastest point of the person's hand"""
+    """fastest keypoint of the human hand"""
     max_bent_back_m: float
-    """how far fingertips may be behind the back of the hand, half of the time: of the wrong side's hand they are"""
+    """median distance of fingertips behind the back of the hand; a larger one means that the side label is wrong"""
     max_bone_change: float
-    """how far a bone may be from its median length, as a share of it, in 5 % of frames"""
+    """deviation of a bone from its median length, as a share of it, exceeded in 5 % of frames"""
     max_error_m: float
-    """tracking error that 95 % of frames must keep below"""
+    """tracking error that 95 % of frames must stay below"""
     max_joint_rad_s: float
     """fastest finger joint"""
     max_palm_m_s: float
     """fastest palm"""
     mirror: bool
-    """whether clips of the other hand are mirrored instead of dropped"""
+    """mirror clips of the other hand instead of dropping them"""
 
 
 @dataclass(frozen=True)
 class BrokenRule:
-    """The rule that a clip breaks."""
+    """Rule that a clip breaks."""
 
     reason: str
     detail: str
 
 
 def check_motion(motion: HandMotion, hand: HandModel, rules: ClipRules) -> BrokenRule | None:
-    """What is wrong with a person's motion; None when nothing is."""
+    """Check a clip before retargeting; None when it breaks no rule."""
     if motion.side != hand.side and not rules.mirror:
         return BrokenRule("other hand", f"a {motion.side} hand; the robot's is the {hand.side} one")
     points, frames = motion.keypoints_m, len(motion.keypoints_m)
@@ -67,7 +67,7 @@ def check_motion(motion: HandMotion, hand: HandModel, rules: ClipRules) -> Broke
 
 def check_fit(error_m: np.ndarray, joint_rad_s: float, palm_m_s: float, beyond: tuple[str, float] | None,
           rules: ClipRules) -> BrokenRule | None:
-    """What is wrong with a fit: error_m (t,), fastest finger joint and palm, the gantry's joint that passes its limits."""
+    """Check a fit: error_m (t,), fastest finger joint and palm, and the gantry joint that exceeds its limits."""
     if beyond is not None:
         return BrokenRule("out of reach", f"{beyond[0]} passes its limit by {beyond[1]:.3f}")
     p95 = float(np.percentile(error_m, 95))
@@ -81,13 +81,13 @@ def check_fit(error_m: np.ndarray, joint_rad_s: float, palm_m_s: float, beyond: 
 
 
 def bent_back(points: np.ndarray, side: str) -> float:
-    """(t, 21, 3) -> median of how far the four fingertips are out of the back, seen from their knuckles; negative when curled."""
+    """Return the median distance of the four fingertips behind the back of the hand, for (t, 21, 3); negative when curled."""
     fingers = points[:, [8, 12, 16, 20]] - points[:, [5, 9, 13, 17]]
     return float(np.median(np.einsum("tfc,tc->tf", fingers, grip_axes(points, side)[:, :, 1])))
 
 
 def bone_changes(points: np.ndarray) -> float:
-    """(t, 21, 3) -> how far the worst bone is from its median length in its worst 5 % of frames, as a share of that length."""
+    """Return the relative length change of the worst bone of (t, 21, 3), at its 95th percentile over frames."""
     chains = points[:, 1:].reshape(len(points), 5, 4, 3)
     length = np.linalg.norm(np.diff(chains, axis=2), axis=-1).reshape(len(points), -1)
     median = np.median(length, axis=0)

@@ -1,8 +1,8 @@
-"""Static human grasps of DexYCB as D-Grasp prepared them (.npz of plain arrays) -> one HandMotion of one frame for each grasp.
+"""Read static human grasps of DexYCB as D-Grasp prepared them (.npz of plain arrays): one HandMotion of one frame per grasp.
 
-Each object's arrays are `<DexYCB object id>/<field>`: final_ee_rel (n, 63), 21 joints x 3 in the object's frame, metres. D-Grasp
-lists index, middle, ring, little, thumb after the wrist (checked on the set: its bones do not change from grasp to grasp, and the
-one beside the index finger that starts 4 cm from the wrist is the thumb). The object is the world: its pose is the identity.
+The arrays of each object are `<DexYCB object id>/<field>`: final_ee_rel (n, 63), 21 joints x 3 in the object frame, metres. After
+the wrist, D-Grasp lists index, middle, ring, little, thumb. This order was checked on the data: bone lengths are constant over
+grasps, and the chain next to the index finger that starts 4 cm from the wrist is the thumb. The object frame is the world frame.
 """
 
 from __future__ import annotations
@@ -20,21 +20,21 @@ from schemas.hand import PHASES, HandMotion
 
 FIELD = "final_ee_rel"
 OURS = np.array([0, *range(17, 21), *range(1, 17)])
-"""which of their points is each of ours"""
+"""index of each of our keypoints in their list"""
 NAMES = {1: "master_chef_can", 2: "cracker_box", 3: "sugar_box", 4: "tomato_soup_can", 5: "mustard_bottle", 6: "tuna_fish_can",
          7: "pudding_box", 8: "gelatin_box", 9: "potted_meat_can", 10: "banana", 11: "pitcher_base", 12: "bleach_cleanser",
          13: "bowl", 14: "mug", 15: "power_drill", 16: "wood_block", 17: "scissors", 18: "large_marker", 19: "large_clamp",
          20: "extra_large_clamp", 21: "foam_brick"}  # fmt: skip
 """objects of DexYCB by id"""
 RATE_HZ = 30.0
-"""DexYCB's cameras; a single frame has no speed"""
+"""rate of DexYCB's cameras; a single frame has no speed"""
 
 
 def read(files: FileTree) -> tuple[HandMotion, ...]:
-    """All grasps of all .npz files, by object id; SourceError when there are none, or one cannot be used."""
+    """Read all grasps of all .npz files, by object id; SourceError when there are none, or when one cannot be used."""
     found = [file for file in files.files if PurePosixPath(file.name).suffix == ".npz"]
     if not found:
-        raise SourceError(files.name, f"an .npz with <object id>/{FIELD}", "none", "get DexYCB's grasps as D-Grasp prepared them")
+        raise SourceError(files.name, f"an .npz with <object id>/{FIELD}", "no .npz", "get DexYCB's grasps from D-Grasp")
     return tuple(motion for file in found for motion in _grasps(file))
 
 
@@ -42,7 +42,7 @@ def _grasps(file: FileRef) -> list[HandMotion]:
     found = load_npz(file.path, file.name, lambda name: name.partition("/")[2] == FIELD)
     tables = {name.partition("/")[0]: table for name, table in found.items()}
     if not tables:
-        raise SourceError(file.name, f"arrays <object id>/{FIELD}", "none", "use the keypoints reader for other files")
+        raise SourceError(file.name, f"arrays <object id>/{FIELD}", "other arrays", "use the keypoints reader for other files")
     unknown = [key for key in tables if not re.fullmatch("[0-9]{1,9}", key) or int(key) not in NAMES]
     if unknown:
         raise SourceError(file.name, "object ids 1 to 21", repr(unknown[0]), "correct the names of the arrays")

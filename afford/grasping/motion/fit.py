@@ -1,6 +1,8 @@
-"""Levenberg-Marquardt for all frames of a clip: first each alone, then all together with a price on acceleration.
+"""Fit a robot hand to keypoint targets with Levenberg-Marquardt: first every frame alone, then the clip with a smoothness term.
 
-Motors stay within their limits exactly: steps are cut there, and a motor that would leave stays (projected Gauss-Newton).
+A frame has 6 + m unknowns: a twist of the palm in the world, and the motors. A twist, rather than the angles of the gantry, stays
+regular where the gantry's pitch is a right angle: there the thumb points up, as when a mug is grasped. Motors stay within their
+limits exactly: steps are clipped, and a motor that would leave its range is held (projected Gauss-Newton).
 """
 
 from __future__ import annotations
@@ -25,11 +27,11 @@ from schemas.hand import HandModel
 
 DAMPING, DAMPING_RANGE = 1e-3, (1e-9, 1e6)
 ENOUGH = 1e-7
-"""a gain of less than this share of the cost ends the fit"""
+"""a decrease below this share of the cost ends the fit"""
 
 
 def fit_frames(problem: RetargetProblem, steps: int) -> FitState:
-    """Every frame alone, from the middle of its joints; each has its own damping."""
+    """Fit every frame alone, from the middle of its joint ranges, with its own damping."""
     state = problem.start()
     cost = np.square(problem.errors(state)).sum(axis=1)
     damping = np.full(len(cost), DAMPING)
@@ -48,7 +50,10 @@ def fit_frames(problem: RetargetProblem, steps: int) -> FitState:
 
 
 def fit_clip(problem: RetargetProblem, state: FitState, rate_hz: float, steps: int) -> FitState:
-    """All frames together, from what each is alone; a clip of fewer than three has no acceleration and stays as it is."""
+    """Fit all frames together, starting from the fits of single frames.
+
+    Clips of fewer than three frames have no acceleration and are returned unchanged.
+    """
     if len(state.motors) < 3:
         return state
     price = _prices(problem, rate_hz)
@@ -69,8 +74,9 @@ def fit_clip(problem: RetargetProblem, state: FitState, rate_hz: float, steps: i
 
 
 def _held(problem: RetargetProblem, state: FitState, H: np.ndarray, g: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Motors at a limit that want to go beyond keep still: their rows and columns become those of the identity. Also
-    (t, s) 1 where free, else 0.
+    """Hold motors that are at a limit and would exceed it: their rows and columns become those of the identity.
+
+    Returns H, g and (t, s), 1 for free unknowns, else 0.
     """
     out = ((state.motors <= problem.low) & (g[:, 6:] > 0)) | ((state.motors >= problem.high) & (g[:, 6:] < 0))
     free = np.concatenate([np.ones((len(g), 6)), ~out], axis=1)
@@ -88,14 +94,14 @@ def _damped(H: np.ndarray, damping: np.ndarray) -> np.ndarray:
 
 
 def _prices(problem: RetargetProblem, rate_hz: float) -> np.ndarray:
-    """(s,) weight of a squared second difference between frames."""
+    """Return the (s,) weight of a squared second difference between frames."""
     each = np.full(problem.size, 100.0)
     each[:3] = 10.0
     return np.square(problem.weights.acceleration_m * rate_hz**2 / each)
 
 
 def _second(state: FitState) -> np.ndarray:
-    """(t - 2, s) second differences; turns of the palm in the world."""
+    """Compute (t - 2, s) second differences; rotations of the palm are in the world frame."""
     R = state.palm[:, :3, :3]
     turn = Rotation.from_matrix(R[1:] @ np.swapaxes(R[:-1], 1, 2)).as_rotvec()
     palm, motors = np.diff(state.palm[:, :3, 3], 2, axis=0), np.diff(state.motors, 2, axis=0)
@@ -103,7 +109,7 @@ def _second(state: FitState) -> np.ndarray:
 
 
 def _transposed(second: np.ndarray) -> np.ndarray:
-    """(t - 2, s) -> (t, s): the slope of half the squared second differences."""
+    """Apply the transposed difference operator, (t - 2, s) -> (t, s): the gradient of half the squared second differences."""
     out = np.zeros((len(second) + 2, second.shape[1]))
     out[:-2] += second
     out[1:-1] -= 2 * second
@@ -116,7 +122,7 @@ def _clip_cost(problem: RetargetProblem, state: FitState, price: np.ndarray) -> 
 
 
 def _solve_banded(H: np.ndarray, g: np.ndarray, free: np.ndarray, price: np.ndarray) -> np.ndarray:
-    """Solve (H + the second differences') x = g, (t, s); entries that are not free keep the identity's row."""
+    """Solve (H + second-difference terms) x = g, (t, s); held unknowns keep the identity's row."""
     frames, size = g.shape
     bands = np.zeros((2 * size + 1, frames * size))
     for below in range(size):
@@ -135,28 +141,28 @@ def _solve_banded(H: np.ndarray, g: np.ndarray, free: np.ndarray, price: np.ndar
 
 
 REST = 1e-7
-"""weight (m/rad)^2 of staying near the middle of a joint, which decides where the points do not"""
+"""weight (m/rad)^2 of the distance to the middle of a joint, which decides joints that the points do not determine"""
 
 
 @dataclass(frozen=True)
 class FitWeights:
-    """What a metre of each kind of error counts, and what an acceleration does."""
+    """Weights of the kinds of error, per metre, and of acceleration."""
 
     level_1: float
     level_2: float
     """middle and distal joints"""
     tips: float
     pinch: float
-    """of the vectors from the thumb's tip to the others, where both are close"""
+    """vectors from the thumb's tip to the other tips, where they are short"""
     pinch_m: float
-    """how close: the weight falls to 1/e at this distance"""
+    """length at which the weight of a pinch vector falls to 1/e"""
     acceleration_m: float
-    """error that is worth 100 rad/s^2 of a joint or of the palm, or 10 m/s^2 of the palm"""
+    """error that costs as much as 100 rad/s^2 of a joint or of the palm, or 10 m/s^2 of the palm"""
 
 
 @dataclass(frozen=True, eq=False)
 class FitState:
-    """A hand in t frames."""
+    """Pose of a hand in t frames."""
 
     palm: np.ndarray
     """(t, 4, 4) pose in the world"""
@@ -164,7 +170,7 @@ class FitState:
     """(t, m) actuated joints, rad"""
 
     def moved(self, step: np.ndarray, low: np.ndarray, high: np.ndarray) -> FitState:
-        """After a step (t, 6 + m), motors cut at their limits."""
+        """Return the state after a step (t, 6 + m), with motors clipped to their limits."""
         palm = self.palm.copy()
         palm[:, :3, 3] += step[:, :3]
         palm[:, :3, :3] = Rotation.from_rotvec(step[:, 3:6]).as_matrix() @ palm[:, :3, :3]
@@ -172,7 +178,7 @@ class FitState:
 
 
 class RetargetProblem:
-    """A hand and what it should reach: errors, their slopes, and where everything is."""
+    """Weighted least-squares problem of a hand and its targets: errors and Jacobians."""
 
     def __init__(self, hand: HandModel, which: HandPoints, goal: Targets, weights: FitWeights) -> None:
         self.hand, self.which, self.goal, self.weights = hand, which, goal, weights
@@ -187,24 +193,24 @@ class RetargetProblem:
         self.scale = np.concatenate([np.tile(level, (len(goal.palm), len(which.keypoint))), np.sqrt(weights.pinch * near)], axis=1)
 
     def start(self) -> FitState:
-        """The person's palm, and every motor in the middle of its range."""
+        """Return the initial state: the human palm, and every motor in the middle of its range."""
         return FitState(self.goal.palm, np.tile((self.low + self.high) / 2, (len(self.goal.palm), 1)))
 
     def q(self, state: FitState) -> np.ndarray:
-        """(t, d) with the wrist at rest."""
+        """Return q (t, d) with the wrist at rest."""
         found: np.ndarray = state.motors @ self.A.T + self.offset
         return found
 
     def points_of(self, state: FitState) -> np.ndarray:
-        """(t, 4 f, 3) in the world."""
+        """Compute the points of the hand in the world frame, (t, 4 f, 3)."""
         return self._world(state, self._links(state)[1])
 
     def errors(self, state: FitState) -> np.ndarray:
-        """(t, r) weighted errors in metres, rest included."""
+        """Compute weighted errors in metres, (t, r), including the rest term."""
         return self._errors(state, self.points_of(state))
 
     def normal(self, state: FitState) -> tuple[np.ndarray, np.ndarray]:
-        """J^T J (t, s, s) and J^T e (t, s)."""
+        """Compute the normal equations: J^T J (t, s, s) and J^T e (t, s)."""
         T, local = self._links(state)
         R = state.palm[:, None, :3, :3]
         arm = (R @ local[..., None])[..., 0]
@@ -223,7 +229,7 @@ class RetargetProblem:
         return H, g
 
     def _links(self, state: FitState) -> tuple[np.ndarray, np.ndarray]:
-        """Poses of links with the wrist at rest, and the points in the palm's frame."""
+        """Compute the poses of links with the wrist at rest, and the points in the palm frame."""
         T = forward_kinematics(self.hand.joints, self.q(state))
         return T, points_on_links(np.linalg.inv(T[:, self.hand.palm])[:, None] @ T, self.which.links, self.which.offsets_m)
 
@@ -240,7 +246,7 @@ class RetargetProblem:
 
 
 def _cross(rows: np.ndarray) -> np.ndarray:
-    """(..., 3) -> (..., 3, 3): the matrices whose product with a vector is the cross product."""
+    """Return the cross-product matrices of vectors, (..., 3) -> (..., 3, 3)."""
     out = np.zeros((*rows.shape, 3))
     x, y, z = np.moveaxis(rows, -1, 0)
     out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -z, y, -x

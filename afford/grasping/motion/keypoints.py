@@ -1,4 +1,7 @@
-"""A clip of hand keypoints in our own format (docs/grasping/motion-format.md), as .npz, .json or .csv -> HandMotion."""
+"""Build a HandMotion from keypoints, and read clips in this project's own keypoint format (.npz, .json or .csv).
+
+docs/grasping/motion-format.md describes the format. The readers of other data sets share the checks of `hand_motion`.
+"""
 
 from __future__ import annotations
 
@@ -23,11 +26,11 @@ COLUMNS = tuple(f"{point}_{axis}" for point in KEYPOINTS for axis in "xyz")
 
 
 def read(files: FileTree) -> tuple[HandMotion, ...]:
-    """One clip for each file; SourceError when there is none, or one cannot be used."""
+    """Read one clip from each file; SourceError when there is none, or when one cannot be used."""
     readers = {".npz": _npz, ".json": _json, ".csv": _csv}
     found = [file for file in files.files if PurePosixPath(file.name).suffix.lower() in readers]
     if not found:
-        raise SourceError(files.name, "a file of keypoints (.npz, .json or .csv)", "none", DOCS)
+        raise SourceError(files.name, "a file of keypoints (.npz, .json or .csv)", "other files", DOCS)
     return tuple(_motion(file, readers[PurePosixPath(file.name).suffix.lower()](file)) for file in found)
 
 
@@ -90,14 +93,14 @@ def _json(file: FileRef) -> dict[str, Any]:
 
 
 def _csv(file: FileRef) -> dict[str, Any]:
-    """One row a frame; columns <point>_<x, y or z>, and hand, fps, unit, phase, object_name on every row."""
+    """Read one row for each frame: columns <point>_<x, y or z>; hand, fps, unit, phase and object_name are on every row."""
     try:
         rows = list(csv.DictReader(io.StringIO(read_utf8(file.path, file.name), newline=None)))
     except csv.Error as error:
         raise SourceError(file.name, "a CSV file", str(error), DOCS) from error
     missing = [column for column in (*COLUMNS, "hand", "fps", "unit") if not rows or not rows[0].get(column)]
     if missing:
-        raise SourceError(file.name, f"a column {missing[0]}, and a row", "none", DOCS)
+        raise SourceError(file.name, f"a column {missing[0]}, and a row", "neither or one of them", DOCS)
     record: dict[str, Any] = {field: rows[0][field] for field in ("hand", "fps", "unit", "object_name") if field in rows[0]}
     for field, value in record.items():
         other = next((number for number, row in enumerate(rows, 2) if row[field] != value), None)
@@ -112,7 +115,7 @@ def _csv(file: FileRef) -> dict[str, Any]:
 
 
 HAND_M = (0.04, 0.16)
-"""wrist to the middle finger's knuckle, from a small child to the largest adults with room to spare"""
+"""wrist to middle knuckle, from small children to the largest adults, with a margin"""
 RATE_HZ = (1.0, 1000.0)
 DOCS = "see docs/grasping/motion-format.md"
 
@@ -120,10 +123,10 @@ DOCS = "see docs/grasping/motion-format.md"
 def hand_motion(name: str, source: str, side: str, rate_hz: float, keypoints: np.ndarray, *, where: str,
                 phase: np.ndarray | None = None, object_name: str = "", object_pose: np.ndarray | None = None,
                 T_world_palm: np.ndarray | None = None) -> HandMotion:  # fmt: skip
-    """The motion; SourceError names `where` when the numbers cannot be one of a hand in metres.
+    """Build a motion from keypoints (t, 21, 3), in the order of KEYPOINTS, and optional arrays.
 
-    keypoints (t, 21, 3) in the order of KEYPOINTS; phase (t,); object_pose (t, 7) with quaternions x y z w of any length but 0;
-    T_world_palm (t, 4, 4). What is None is not known.
+    phase (t,); object_pose (t, 7) with quaternions x y z w of any length except 0; T_world_palm (t, 4, 4). None stands for
+    unknown. SourceError names `where` when the numbers cannot belong to a hand in metres.
     """
     _check(side, rate_hz, keypoints, where)
     frames = len(keypoints)
@@ -150,12 +153,12 @@ def _check(side: str, rate_hz: float, keypoints: np.ndarray, where: str) -> None
         raise SourceError(f"{where}, keypoints", "numbers (frames, 21, 3), one frame at least", f"{keypoints.shape}", DOCS)
     wrong = ~np.isfinite(keypoints).all(axis=(1, 2))
     if wrong.any():
-        raise SourceError(f"{where}, keypoints", "finite numbers", f"one that is not in frame {int(wrong.argmax())}",
+        raise SourceError(f"{where}, keypoints", "finite numbers", f"another in frame {int(wrong.argmax())}",
                           "cut the clip there, or fill the gap")
     length = float(np.median(np.linalg.norm(keypoints[:, 9] - keypoints[:, 0], axis=-1)))
     if not HAND_M[0] <= length <= HAND_M[1]:
         raise SourceError(f"{where}, keypoints", f"metres: {HAND_M[0]} to {HAND_M[1]} from wrist to middle knuckle",
-                          f"{length:.4g}", "is the unit mm, or the order of points another one? " + DOCS)
+                          f"{length:.4g}", "check the unit and the order of the points; " + DOCS)
 
 
 def _unit(pose: np.ndarray, where: str) -> np.ndarray:

@@ -1,8 +1,11 @@
-"""OakInk2, after oakink2_import: sequences of both hands cut into their primitives -> one HandMotion for each hand of each.
+"""Read OakInk2 after `oakink2_import`: sequences of both hands, cut into primitives, one HandMotion per hand and primitive.
 
-Reads <sequence>.npz and <sequence>.json, mano_right.npz, mano_left.npz. Motion capture at 120 Hz; quaternions w x y z become
-x y z w; a wrist is where `tsl` says. Intervals count frames of the motion capture. Written after the data set's toolkit and
-description; tested on files in its format; never run on the real set.
+Reads <sequence>.npz and <sequence>.json, mano_right.npz, mano_left.npz. Motion capture runs at 120 Hz; quaternions w x y z become
+x y z w; `tsl` is the position of the wrist. Intervals count frames of the motion capture.
+
+Keypoints come from the MANO hand model, evaluated in numpy (Romero, Tzionas and Black 2017). MANO has its own licence and is not
+part of this project: bring the arrays of v1.2, saved with numpy.savez. Written after the data set's toolkit and description;
+tested on files in its format; never run on the real set or the real model.
 """
 
 from __future__ import annotations
@@ -25,14 +28,14 @@ from schemas.hand import HandMotion
 TIPS = {"right": (745, 317, 444, 556, 673), "left": (745, 317, 445, 556, 673)}
 """vertices at the fingertips, thumb first"""
 OURS = np.array([0, 13, 14, 15, 16, 1, 2, 3, 17, 4, 5, 6, 18, 10, 11, 12, 19, 7, 8, 9, 20])
-"""which of its 16 joints (wrist, index, middle, little, ring, thumb) and then 5 tips is each of ours"""
+"""index of each of our keypoints among MANO's 16 joints (wrist, index, middle, little, ring, thumb) and 5 tips"""
 SHAPES = {"v_template": (778, 3), "shapedirs": (778, 3, 10), "posedirs": (778, 3, 135), "J_regressor": (16, 778),
           "weights": (778, 16), "kintree_table": (2, 16)}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
 class Mano:
-    """One hand's model."""
+    """MANO model of one hand."""
 
     side: str
     v_template: np.ndarray
@@ -44,12 +47,12 @@ class Mano:
 
 
 def read_mano(file: FileRef, side: str) -> Mano:
-    """The model in an .npz; SourceError when an array is missing or of another shape."""
+    """Read a model from an .npz; SourceError when an array is missing or has another shape."""
     found = load_npz(file.path, file.name, SHAPES.__contains__)
     for name, shape in SHAPES.items():
         array = found.get(name)
         if array is None or array.shape != shape:
-            got = "none" if array is None else str(array.shape)
+            got = "no such array" if array is None else str(array.shape)
             raise SourceError(f"{file.name}, {name}", f"numbers {shape}", got, "save all arrays of MANO v1.2")
         if array.dtype.kind not in "fiu" or not np.isfinite(array).all():
             raise SourceError(f"{file.name}, {name}", "finite numbers", f"others ({array.dtype})", "save all arrays of MANO v1.2")
@@ -61,7 +64,10 @@ def read_mano(file: FileRef, side: str) -> Mano:
 
 
 def keypoints(model: Mano, quaternions: np.ndarray, betas: np.ndarray) -> np.ndarray:
-    """(n, 16, 4) rotations x y z w relative to parents, flat mean; (n, 10) shape -> (n, 21, 3) with the wrist at the origin."""
+    """Compute 21 keypoints with the wrist at the origin, (n, 21, 3).
+
+    quaternions (n, 16, 4) are rotations x y z w relative to parents, for a flat mean hand; betas (n, 10) is the shape.
+    """
     tips = list(TIPS[model.side])
     local = Rotation.from_quat(quaternions.reshape(-1, 4)).as_matrix().reshape(-1, 16, 3, 3)
     rest = model.v_template + np.einsum("vcb,nb->nvc", model.shapedirs, betas)
@@ -77,7 +83,7 @@ def keypoints(model: Mano, quaternions: np.ndarray, betas: np.ndarray) -> np.nda
 
 
 def _chain(local: np.ndarray, joints: np.ndarray, parents: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rotations (n, 16, 3, 3) and places (n, 16, 3) of the joints; the first has no parent."""
+    """Chain local rotations: rotations (n, 16, 3, 3) and positions (n, 16, 3) of the joints; the first joint is the root."""
     R, places = local.copy(), joints.copy()
     for k in range(1, len(parents)):
         up = parents[k]
@@ -98,11 +104,11 @@ IMPORT = "make it with python -m afford.grasping.motion.oakink2_import"
 
 
 def read(files: FileTree) -> tuple[HandMotion, ...]:
-    """All primitives of all sequences; SourceError when a file is missing or cannot be used."""
-    models = {side: read_mano(_file(files, f"mano_{side}.npz", "save MANO v1.2 so"), side) for side in SIDES}
+    """Read all primitives of all sequences; SourceError when a file is missing or cannot be used."""
+    models = {side: read_mano(_file(files, f"mano_{side}.npz", "save MANO v1.2 there"), side) for side in SIDES}
     sequences = [f for f in files.files if f.name.endswith(".npz") and not PurePosixPath(f.name).name.startswith("mano_")]
     if not sequences:
-        raise SourceError(files.name, "a sequence (.npz)", "none", IMPORT)
+        raise SourceError(files.name, "a sequence (.npz)", "no such file", IMPORT)
     return tuple(motion for file in sequences for motion in _sequence(files, file, models))
 
 
@@ -118,7 +124,7 @@ def _sequence(files: FileTree, file: FileRef, models: dict[str, Mano]) -> list[H
 
 
 def _program(file: FileRef) -> dict[str, dict[str, Any]]:
-    """Interval -> what is done in it."""
+    """Read the primitives: interval -> its entry."""
     found = text.parse_json(file.path.read_bytes(), file.name)
     good = isinstance(found, dict) and all(
         isinstance(entry, dict) and all(_names(entry.get(f"obj_list_{short}")) for short in SHORT.values())
@@ -137,7 +143,7 @@ def _is_known(name: str) -> bool:
 
 
 def _checked(arrays: dict[str, np.ndarray], where: str) -> dict[str, np.ndarray]:
-    """The arrays of a sequence; SourceError for one that is missing or of another shape."""
+    """Check the arrays of a sequence; SourceError when one is missing or has another shape."""
     frames = arrays.get("frames", np.zeros(0))
     if frames.ndim != 1 or not len(frames) or frames.dtype.kind not in "iu":
         raise SourceError(f"{where}, frames", "whole numbers (n,)", f"{frames.dtype} {frames.shape}", IMPORT)
@@ -146,7 +152,7 @@ def _checked(arrays: dict[str, np.ndarray], where: str) -> dict[str, np.ndarray]
     for name, shape in shapes.items():
         array = arrays.get(name)
         if array is None or array.shape != (len(frames), *shape) or array.dtype.kind not in "fiu":
-            got = "none" if array is None else f"{array.dtype} {array.shape}"
+            got = "no such array" if array is None else f"{array.dtype} {array.shape}"
             raise SourceError(f"{where}, {name}", f"numbers {(len(frames), *shape)}", got, IMPORT)
     return arrays
 
@@ -163,7 +169,7 @@ def _clip(file: FileRef, arrays: dict[str, np.ndarray], model: Mano, interval: t
     try:
         points = keypoints(model, pose[..., [1, 2, 3, 0]], betas) + tsl[:, None]
         track = _poses(arrays[OBJECT + held[0]][part]) if held else None
-    except ValueError as error:  # of SciPy, for a rotation that is none
+    except ValueError as error:  # SciPy raises it for invalid rotations
         raise SourceError(where, "rotations", reason(error), "get the sequence again") from error
     name = f"{file.name.removesuffix('.npz')}_{short}_{start:05d}_{entry.get(f'primitive_{short}') or 'hold'}"
     return hand_motion(name, "oakink2", model.side, RATE_HZ, points, where=where, object_name=held[0] if held else "",
@@ -171,12 +177,12 @@ def _clip(file: FileRef, arrays: dict[str, np.ndarray], model: Mano, interval: t
 
 
 def _poses(T: np.ndarray) -> np.ndarray:
-    """(n, 4, 4) -> (n, 7)."""
+    """Convert poses (n, 4, 4) to (n, 7)."""
     return np.concatenate([T[:, :3, 3], Rotation.from_matrix(T[:, :3, :3]).as_quat()], axis=1)
 
 
 def _intervals(where: str, key: str) -> tuple[tuple[int, int] | None, tuple[int, int] | None]:
-    """The two intervals of a key such as '((10, 90), None)'."""
+    """Parse the two intervals of a key such as '((10, 90), None)'."""
     try:
         left, right = (None if one is None else (int(one[0]), int(one[1])) for one in ast.literal_eval(key))
     except (ValueError, SyntaxError, TypeError, LookupError, OverflowError, RecursionError, MemoryError) as error:
@@ -187,5 +193,5 @@ def _intervals(where: str, key: str) -> tuple[tuple[int, int] | None, tuple[int,
 def _file(files: FileTree, name: str, fix: str) -> FileRef:
     found = files.find(name)
     if found is None:
-        raise SourceError(files.name, f"a file {name}", "none", fix)
+        raise SourceError(files.name, f"a file {name}", "no such file", fix)
     return found

@@ -1,9 +1,9 @@
-"""OakInk2's annotation pickles -> one .npz of plain arrays and one .json for each sequence, which the reader takes.
+"""Convert OakInk2's annotation pickles to one .npz of plain arrays and one .json per sequence, for the reader.
 
     python -m afford.grasping.motion.oakink2_import ROOT OUT
 
-ROOT has anno_preview/<sequence>.pkl and program/program_info/<sequence>.json. Every pickle is taken apart in a process of its own
-with an allow list (afford/common/unpickle.py). Written after the data set's toolkit and description; never run on the real set.
+ROOT contains anno_preview/<sequence>.pkl and program/program_info/<sequence>.json. A separate process takes each pickle apart with
+an allow list (afford/common/unpickle.py). Written after the data set's toolkit and description; never run on the real set.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ SIDES = {"right": "rh", "left": "lh"}
 SHAPES = {"pose_coeffs": (16, 4), "tsl": (3,), "betas": (10,)}
 LIMIT_S = 600
 LIMIT_BYTES = 8 << 30
-"""of memory for one pickle: the annotations of a sequence take some hundred MB"""
+"""of memory for one pickle: the annotations of a sequence take a few hundred MB"""
 
 
 def convert_all(root: Path, out: Path) -> list[str]:
-    """Convert every sequence that has both files; names of those converted. SourceError when a file cannot be used."""
+    """Convert every sequence that has both files and return their names; SourceError when a file cannot be used."""
     pickles = sorted((root / "anno_preview").glob("*.pkl"))
     if not pickles:
-        raise SourceError(str(root), "anno_preview/<sequence>.pkl", "none", "give the root of OakInk2")
+        raise SourceError(str(root), "anno_preview/<sequence>.pkl", "no such file", "give the root of OakInk2")
     out.mkdir(parents=True, exist_ok=True)
     for path in pickles:
         program = root / "program" / "program_info" / f"{path.stem}.json"
@@ -45,7 +45,7 @@ def convert_all(root: Path, out: Path) -> list[str]:
 
 
 def convert(path: Path, out: Path) -> None:
-    """One pickle, in a process of its own; SourceError says why not."""
+    """Convert one pickle in a separate process; SourceError names the fault."""
     command = [sys.executable, "-m", "afford.grasping.motion.oakink2_import", "--one", str(path.resolve()), str(out.resolve())]
     try:
         done = subprocess.run(command, cwd=PROJECT, capture_output=True, text=True, errors="replace", timeout=LIMIT_S)
@@ -57,7 +57,10 @@ def convert(path: Path, out: Path) -> None:
 
 
 def arrays(anno: Any) -> dict[str, np.ndarray]:
-    """frames (n,); <side>/pose (n, 16, 4) wxyz, <side>/tsl (n, 3), <side>/betas (n, 10); object/<id> (n, 4, 4)."""
+    """Extract plain arrays from an annotation.
+
+    frames (n,); <side>/pose (n, 16, 4) wxyz, <side>/tsl (n, 3), <side>/betas (n, 10); object/<id> (n, 4, 4).
+    """
     frames = [int(frame) for frame in anno["mocap_frame_id_list"]]
     out = {"frames": np.array(frames, np.int64)}
     for side, short in SIDES.items():
@@ -70,7 +73,7 @@ def arrays(anno: Any) -> dict[str, np.ndarray]:
 
 
 def main(arguments: list[str]) -> int:
-    """Convert; 1 with one line on stderr when something cannot be used."""
+    """Run the conversion; exit code 1, with one line on stderr, when a file cannot be used."""
     if len(arguments) == 3 and arguments[0] == "--one":
         return _one(Path(arguments[1]), Path(arguments[2]))
     if len(arguments) != 2:

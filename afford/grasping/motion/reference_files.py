@@ -1,4 +1,4 @@
-"""Motions in a robot hand's joints as files: arrays of each clip, a line for every clip, a report."""
+"""Write retargeted motions as files: arrays of each clip, a row for every clip, a report."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from schemas.hand import PHASES, HandReference, ReferenceSet, RetargetVerdict
 
 
 def write_references(root: Path, name: str, found: ReferenceSet) -> Path:
-    """references/*.npz, verdicts.csv, metrics.json and report.md in `root`."""
+    """Write references/*.npz, verdicts.csv, metrics.json and report.md to `root`."""
     (root / "references").mkdir()
     for reference in found.references:
         file = root / "references" / f"{reference.name.replace('/', '_')}.npz"
-        np.savez(file, **arrays(reference))  # type: ignore[arg-type]  # of names, none of which is a keyword of savez
+        np.savez(file, **arrays(reference))  # type: ignore[arg-type]  # no field is named as a keyword of savez
     (root / "verdicts.csv").write_text(verdict_table(found.report.verdicts), encoding="utf-8", newline="\n")
     write_json(root / "metrics.json", metrics(found))
     (root / "report.md").write_text(report(name, found), encoding="utf-8", newline="\n")
@@ -27,13 +27,16 @@ def write_references(root: Path, name: str, found: ReferenceSet) -> Path:
 
 
 def arrays(one: HandReference) -> dict[str, np.ndarray]:
-    """Every field of a reference under its own name, words as arrays of one word; `phases` is what the numbers of `phase` mean."""
+    """Return every field of a reference under its own name, and `phases`, the meaning of the numbers in `phase`.
+
+    Strings are arrays of one string.
+    """
     fields = {field.name: np.asarray(getattr(one, field.name)) for field in dataclasses.fields(one)}
     return fields | {"phases": np.asarray(PHASES)}
 
 
 def verdict_table(verdicts: Sequence[RetargetVerdict]) -> str:
-    """CSV: every clip with its verdict and figures, by name; figures that were not reached are empty."""
+    """Format every clip with its verdict and figures as CSV, by name; unknown figures are empty."""
     out = io.StringIO()
     names = [field.name for field in dataclasses.fields(RetargetVerdict)]
     lines = csv.writer(out, lineterminator="\n")
@@ -45,7 +48,7 @@ def verdict_table(verdicts: Sequence[RetargetVerdict]) -> str:
 
 
 def metrics(found: ReferenceSet) -> dict[str, float]:
-    """Clips, those that were kept, their frames, and how closely the hand follows: means over kept clips."""
+    """Compute counts of clips, kept clips and frames, and tracking errors as means over kept clips."""
     kept = [verdict for verdict in found.report.verdicts if verdict.kept]
     means = {"error_mm": 1000 * np.mean([one.error_mean_m for one in kept]),
              "error_p95_mm": 1000 * np.mean([one.error_p95_m for one in kept]),
@@ -56,7 +59,7 @@ def metrics(found: ReferenceSet) -> dict[str, float]:
 
 
 def report(name: str, found: ReferenceSet) -> str:
-    """Markdown: how many were kept, how closely they are followed, why the others were dropped."""
+    """Format the report in Markdown: kept clips, their tracking errors, reasons of dropped clips."""
     m = metrics(found)
     reasons = (line.rpartition(": ") for line in found.report.dropped)
     dropped = "".join(f"| {reason} | {number} |\n" for reason, _, number in reasons)

@@ -1,4 +1,8 @@
-"""A person's hand motion -> what a robot hand is to imitate, or why it cannot (AffordDex, HTI)."""
+"""Retarget human hand motion to a robot hand (AffordDex, HTI), or say why a clip is dropped.
+
+Clips of the other side are mirrored. The fitted palm is converted to positions of the gantry that carries it: x, y, z, yaw, pitch,
+roll. Speeds are gradients in time, smoothed by a Gaussian of two frames, as in AffordDex's imitation.
+"""
 
 from __future__ import annotations
 
@@ -18,8 +22,10 @@ from schemas.hand import HandModel, HandMotion, HandReference, Retargeted, Retar
 
 
 def centred_world(motion: HandMotion, palm: np.ndarray) -> np.ndarray:
-    """(4, 4) T_world_source: the gantry's yaw is 0 on average, so that it stays far from its limits, and the object of the first
-    frame, or the palm where there is none, is at x = y = 0. palm (t, 4, 4) in the source's world.
+    """Compute T_world_source (4, 4), a rotation and shift about z, which leaves gravity unchanged.
+
+    The mean yaw of the gantry becomes 0, so that it stays far from its limits. The object of the first frame, or else the palm, is
+    at x = y = 0. palm (t, 4, 4) is in the source's world.
     """
     toward = palm[:, :2, 0].mean(axis=0)
     yaw = np.arctan2(toward[1], toward[0]) if np.linalg.norm(toward) > 1e-6 else 0.0
@@ -36,7 +42,10 @@ OTHER = {"left": "right", "right": "left"}
 
 
 def mirror_motion(motion: HandMotion) -> HandMotion:
-    """The same motion of the other hand. Rotations R become M R M: the object must be mirrored in its own frame as well."""
+    """Reflect a motion in the plane x = 0: a left hand becomes a right hand.
+
+    Rotations R become M R M, so the object must be mirrored in its own frame as well.
+    """
     pose = motion.object_pose * np.array([-1, 1, 1, 1, -1, -1, 1])
     palm = motion.T_world_palm.copy()
     palm[:, :3, :3] = M @ palm[:, :3, :3] @ M
@@ -50,50 +59,50 @@ NONE = -1.0
 
 @dataclass(frozen=True)
 class RetargetOptions:
-    """How a hand is fitted."""
+    """Options of a retargeting."""
 
     weights: FitWeights
     rules: ClipRules
     keep_tips: float
-    """with an object: 1 leaves fingertips where the person has them, 0 where a robot's longer finger of that shape ends"""
+    """with an object: 1 leaves fingertips where the human ones are, 0 where the scaled finger of the robot ends"""
     max_rate_hz: float
-    """of faster clips every second (third, ...) frame is taken"""
+    """faster clips are subsampled to every second, third, ... frame"""
     max_frames: int
     """longer clips are cut"""
     centre: bool
-    """turn and shift the world about z: the wrist looks ahead on average, the object (or else the palm) begins at x = y = 0"""
+    """rotate and shift the world about z: zero mean yaw; the object (else the palm) starts at x = y = 0"""
     frame_steps: int
     clip_steps: int
 
 
-def retarget(motion: HandMotion, hand: HandModel, wishes: RetargetOptions) -> Retargeted:
-    """Fit the hand to a clip and judge it; the same input gives the same bytes."""
-    motion = subsampled(motion, wishes.max_rate_hz, wishes.max_frames)
-    wrong = clip_rules.check_motion(motion, hand, wishes.rules)
+def retarget(motion: HandMotion, hand: HandModel, options: RetargetOptions) -> Retargeted:
+    """Fit the hand to a clip and judge the fit; the same input gives the same bytes."""
+    motion = subsampled(motion, options.max_rate_hz, options.max_frames)
+    wrong = clip_rules.check_motion(motion, hand, options.rules)
     if wrong is not None:
         return Retargeted(motion.name, _verdict(motion, hand, wrong), ())
     ours = motion if motion.side == hand.side else mirror_motion(motion)
-    reference = fit_hand(ours, hand, wishes, mirrored=ours is not motion)
+    reference = fit_hand(ours, hand, options, mirrored=ours is not motion)
     fingers, palm = _fastest(hand, reference)
-    wrong = clip_rules.check_fit(reference.error_m, fingers, palm, gantry_overrun(hand, reference.q), wishes.rules)
+    wrong = clip_rules.check_fit(reference.error_m, fingers, palm, gantry_overrun(hand, reference.q), options.rules)
     verdict = _verdict(motion, hand, wrong, reference, fingers, palm)
     return Retargeted(motion.name, verdict, () if wrong else (reference,))
 
 
-def fit_hand(motion: HandMotion, hand: HandModel, wishes: RetargetOptions, *, mirrored: bool = False) -> HandReference:
-    """The hand in every frame of a motion of its own side. The gantry may pass its limits, motors never do."""
+def fit_hand(motion: HandMotion, hand: HandModel, options: RetargetOptions, *, mirrored: bool = False) -> HandReference:
+    """Fit the hand in every frame of a motion of its own side; gantry joints may exceed their limits, motors never do."""
     which = hand_points(hand)
-    goal = scaled_targets(hand, which, motion.keypoints_m, wishes.keep_tips if len(motion.object_pose) else 0.0)
-    problem = RetargetProblem(hand, which, goal, wishes.weights)
-    state = fit_clip(problem, fit_frames(problem, wishes.frame_steps), motion.rate_hz, wishes.clip_steps)
+    goal = scaled_targets(hand, which, motion.keypoints_m, options.keep_tips if len(motion.object_pose) else 0.0)
+    problem = RetargetProblem(hand, which, goal, options.weights)
+    state = fit_clip(problem, fit_frames(problem, options.frame_steps), motion.rate_hz, options.clip_steps)
     points = problem.points_of(state).reshape(goal.points_m.shape)
     error = np.linalg.norm(points - goal.points_m, axis=-1).mean(axis=(1, 2))
-    T = centred_world(motion, state.palm) if wishes.centre else np.eye(4)
+    T = centred_world(motion, state.palm) if options.centre else np.eye(4)
     return _reference(motion, hand, problem, state, T, error, bone_angles(which, points, motion.keypoints_m), mirrored)
 
 
 def subsampled(motion: HandMotion, max_rate_hz: float, max_frames: int) -> HandMotion:
-    """Every k-th frame, so that there are no more than max_rate_hz, and the first max_frames of those."""
+    """Take every k-th frame, so that the rate is at most max_rate_hz, and the first max_frames of them."""
     step = max(1, int(np.ceil(motion.rate_hz / max_rate_hz - 1e-9)))
     part = slice(0, step * max_frames, step)
     return replace(motion, rate_hz=motion.rate_hz / step, keypoints_m=motion.keypoints_m[part], phase=motion.phase[part],
@@ -114,7 +123,7 @@ def _reference(motion: HandMotion, hand: HandModel, problem: RetargetProblem, st
 
 
 def _moved(pose: np.ndarray, T: np.ndarray) -> np.ndarray:
-    """(o, 7) poses in another world; T turns about z only."""
+    """Transform poses (o, 7) by T, which rotates about z only."""
     half = np.arctan2(T[1, 0], T[0, 0]) / 2
     s, c = np.sin(half), np.cos(half)
     x, y, z, w = pose[:, 3:].T
@@ -123,7 +132,7 @@ def _moved(pose: np.ndarray, T: np.ndarray) -> np.ndarray:
 
 
 def _fastest(hand: HandModel, reference: HandReference) -> tuple[float, float]:
-    """Fastest finger joint in rad/s and fastest palm in m/s, frame by frame, not smoothed."""
+    """Return the speed of the fastest finger joint in rad/s and of the palm in m/s, between frames, without smoothing."""
     if len(reference.q) < 2:
         return 0.0, 0.0
     fingers = [column for column, k in enumerate(moving_joints(hand.joints)) if hand.joints.role[k] in ("actuated", "coupled")]
@@ -147,14 +156,14 @@ SIGMA_FRAMES = 2.0
 
 
 def smoothed_rate(values: np.ndarray, rate_hz: float, sigma_frames: float = SIGMA_FRAMES) -> np.ndarray:
-    """(t, ...) -> (t, ...) change a second; 0 for a single frame."""
+    """Differentiate (t, ...) in time, per second, and smooth; 0 for a single frame."""
     if len(values) < 2:
         return np.zeros_like(values)
     return _smooth(np.gradient(values, axis=0) * rate_hz, sigma_frames)
 
 
 def twist(T: np.ndarray, rate_hz: float, sigma_frames: float = SIGMA_FRAMES) -> np.ndarray:
-    """(t, 4, 4) -> (t, 6) linear, then angular velocity in the world's axes; 0 for a single frame."""
+    """Compute the twist of poses (t, 4, 4): (t, 6), linear then angular velocity in world axes; 0 for a single frame."""
     if len(T) < 2:
         return np.zeros((len(T), 6))
     R = T[:, :3, :3]
@@ -169,18 +178,18 @@ def _smooth(values: np.ndarray, sigma_frames: float) -> np.ndarray:
 
 
 LOCKED = 1e-4
-"""cosine of the pitch below which yaw and roll are the same turn: the yaw of the frame before is kept"""
+"""cosine of the pitch below which yaw and roll are the same rotation; the yaw of the previous frame is kept there"""
 
 
 def has_gantry(hand: HandModel) -> bool:
-    """Whether the first six joints are a gantry's; all others may be anything."""
+    """Return true when the first six joints are those of a gantry."""
     return hand.joints.name[: len(STEPS)] == tuple(f"wrist_{step}" for step in STEPS)
 
 
 def gantry_joints(hand: HandModel, q: np.ndarray, T_world_palm: np.ndarray) -> np.ndarray:
-    """q (t, d) whose first six columns are put so that the palm is at (t, 4, 4); angles do not jump by a turn from frame to frame.
+    """Solve the inverse kinematics of the gantry: set the first six columns of q (t, d) so that the palm is at (t, 4, 4).
 
-    Not cut at limits. A hand without a gantry keeps q: its root is free, and the palm's pose says where it is.
+    Angles are continuous from frame to frame and are not clipped to limits. A hand without a gantry keeps its q: its root is free.
     """
     if not has_gantry(hand):
         return q
@@ -197,7 +206,7 @@ def gantry_joints(hand: HandModel, q: np.ndarray, T_world_palm: np.ndarray) -> n
 
 
 def gantry_overrun(hand: HandModel, q: np.ndarray) -> tuple[str, float] | None:
-    """The joint of the gantry that passes its limits most, and by how much; None when none does."""
+    """Return the gantry joint that exceeds its limits most, and by how much; None when all stay within."""
     if not has_gantry(hand):
         return None
     low, high = joint_limits(hand.joints)[:6].T
@@ -207,7 +216,7 @@ def gantry_overrun(hand: HandModel, q: np.ndarray) -> tuple[str, float] | None:
 
 
 def _held(angle: np.ndarray, locked: np.ndarray) -> np.ndarray:
-    """The last value before, or the first after, where locked; 0 where all are."""
+    """Hold an angle where it is locked: the last free value before, else the first after; 0 where all are locked."""
     if locked.all():
         return np.zeros_like(angle)
     known = np.flatnonzero(~locked)
@@ -217,6 +226,6 @@ def _held(angle: np.ndarray, locked: np.ndarray) -> np.ndarray:
 
 
 def _continuous(angle: np.ndarray) -> np.ndarray:
-    """Unwrapped, and as near to 0 as whole turns can bring its middle."""
+    """Unwrap an angle and shift it by whole turns so that its middle is nearest to 0."""
     out = np.unwrap(angle)
     return out - 2 * np.pi * np.round((out.max() + out.min()) / (4 * np.pi))

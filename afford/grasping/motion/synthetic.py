@@ -1,8 +1,8 @@
-"""A made-up clip of a person who reaches for a handle, shapes the hand on the way, closes it and lifts.
+"""Synthesize clips of a person who reaches for a handle, shapes the hand on the way, closes it and lifts.
 
-Reach and lift are straight lines at minimum jerk, with the bell-shaped speed of people (Flash and Hogan 1985). The fingers open
-to a peak at 60 to 70 % of the reach and then close (Jeannerod 1984); the peak grows by 0.82 of the object's size (Smeets and
-Brenner 1999). Postures are synergies (skeleton.py). The clip is 21 keypoints, as if it had been tracked.
+Reach and lift are straight minimum-jerk paths, with the bell-shaped speed of people (Flash and Hogan 1985). The fingers open to a
+peak at 60 to 70 % of the reach and then close (Jeannerod 1984); the peak grows by 0.82 of the object's size (Smeets and Brenner
+1999). Postures are synergies (skeleton.py). The clip has 21 keypoints, as if it had been tracked.
 """
 
 from __future__ import annotations
@@ -18,14 +18,17 @@ from schemas.hand import PHASES, GraspTarget, HandMotion
 
 
 def minimum_jerk(share: np.ndarray) -> np.ndarray:
-    """Share of the time 0..1 -> share of the way 0..1, at rest at both ends; cut outside. Its peak speed is 15/8 of the mean."""
+    """Map a share of the time, 0..1, to a share of the way: the minimum-jerk profile, at rest at both ends, clipped outside.
+
+    Its peak speed is 15/8 of the mean (Flash and Hogan 1985).
+    """
     s = np.clip(share, 0.0, 1.0)
     found: np.ndarray = s**3 * (10 - 15 * s + 6 * s**2)
     return found
 
 
 def minimum_jerk_through(times: np.ndarray, knots: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """At times (t,) the values (k,) of knots (k,) in rising order, from one to the next at minimum jerk, at rest at each."""
+    """Interpolate values (k,) at rising knots (k,) with minimum-jerk segments, at rest at each knot, at times (t,)."""
     part = np.clip(np.searchsorted(knots, times, side="right") - 1, 0, len(knots) - 2)
     share = minimum_jerk((times - knots[part]) / (knots[part + 1] - knots[part]))
     found: np.ndarray = values[part] + share * (values[part + 1] - values[part])
@@ -33,13 +36,13 @@ def minimum_jerk_through(times: np.ndarray, knots: np.ndarray, values: np.ndarra
 
 
 PEAK_SLOPE = 0.82
-"""peak aperture over size of the object"""
+"""slope of the peak aperture over the object's size"""
 TREMBLE_FRAMES = 3.0
 
 
 @dataclass(frozen=True)
 class ReachParameters:
-    """What people do, from which each clip draws; pairs are the ends of a range."""
+    """Parameters from which each clip is drawn; pairs are the ends of a uniform range."""
 
     rate_hz: float
     reach_s: tuple[float, float]
@@ -48,60 +51,60 @@ class ReachParameters:
     lift_s: float
     lift_m: float
     distance_m: tuple[float, float]
-    """from where the hand starts to where it grasps"""
+    """distance from the start of the hand to the grasp"""
     approach: tuple[float, float, float]
-    """direction in which the hand comes to the handle, from which `spread_rad` turns it"""
+    """mean direction from which the hand approaches the handle"""
     start: tuple[float, float, float]
-    """where the hand starts is the way back from there, plus this, plus noise"""
+    """added, with noise, to the direction back along the approach, in which the hand starts"""
     wander: float
     """standard deviation of that noise"""
     beyond_m: tuple[float, float, float]
-    """how far the hand is beyond where thumb and fingertips would pinch the handle"""
+    """offset of the hand from the position at which thumb and fingertips would pinch the handle"""
     peak_share: tuple[float, float]
-    """when the hand is open widest, as a share of the reach"""
+    """time of the peak aperture, as a share of the reach"""
     peak_m: float
-    """aperture at the peak for an object of no size"""
+    """peak aperture for an object of size 0"""
     spread_rad: float
-    """how far the approach turns about the handle, both ways"""
+    """range of rotation of the approach about the handle, both ways"""
     turn_rad: float
-    """how far the hand is turned when it starts"""
+    """largest rotation of the hand at the start"""
     hooking: tuple[float, float]
     """second synergy"""
     rest_closing: float
-    """first synergy when the hand starts"""
+    """first synergy at the start"""
     press: float
-    """first synergy: what a hand that holds adds, were nothing in its way"""
+    """first synergy that a holding hand adds beyond contact"""
     noise_m: float
-    """tremble of every point"""
+    """standard deviation of the tremor of every point"""
 
 
-def synthesise(target: GraspTarget, habits: ReachParameters, seed: int, name: str) -> HandMotion:
-    """One clip of a right hand; ValueError when the handle is thicker than the hand opens, or thinner than it closes."""
+def synthesise(target: GraspTarget, params: ReachParameters, seed: int, name: str) -> HandMotion:
+    """Synthesize one clip of a right hand; ValueError when the hand cannot span the handle."""
     rng = np.random.default_rng(seed)
-    hooking = rng.uniform(*habits.hooking)
-    grip = grasp_handle(target, hooking, rng.uniform(-habits.spread_rad, habits.spread_rad), np.array(habits.approach))
-    times = _Times(habits, rng)
-    local = pose_hand(_closing(grip, hooking, times, habits), np.full(len(times.at), hooking))
-    palm = _palm(grip, times, habits, rng)
+    hooking = rng.uniform(*params.hooking)
+    grip = grasp_handle(target, hooking, rng.uniform(-params.spread_rad, params.spread_rad), np.array(params.approach))
+    times = _Times(params, rng)
+    local = pose_hand(_closing(grip, hooking, times, params), np.full(len(times.at), hooking))
+    palm = _palm(grip, times, params, rng)
     points = np.einsum("tij,tkj->tki", palm[:, :3, :3], local) + palm[:, None, :3, 3]
-    if habits.noise_m > 0:
-        points = points + habits.noise_m * _tremble(points.shape, rng)
-    rise = _rise(times, habits)
+    if params.noise_m > 0:
+        points = points + params.noise_m * _tremble(points.shape, rng)
+    rise = _rise(times, params)
     pose = np.tile(target.object_pose, (len(times.at), 1))
     pose[:, 2] += rise
-    return HandMotion(name, "synthetic", "right", habits.rate_hz, points, times.phases(), target.object_name, pose, palm)
+    return HandMotion(name, "synthetic", "right", params.rate_hz, points, times.phases(), target.object_name, pose, palm)
 
 
 class _Times:
-    """When each phase ends, in seconds, and the times of the frames."""
+    """End of each phase in seconds, and the times of the frames."""
 
-    def __init__(self, habits: ReachParameters, rng: np.random.Generator) -> None:
-        self.reach, close = rng.uniform(*habits.reach_s), rng.uniform(*habits.close_s)
-        self.peak = self.reach * rng.uniform(*habits.peak_share)
+    def __init__(self, params: ReachParameters, rng: np.random.Generator) -> None:
+        self.reach, close = rng.uniform(*params.reach_s), rng.uniform(*params.close_s)
+        self.peak = self.reach * rng.uniform(*params.peak_share)
         self.contact = self.reach + close
-        self.lift = self.contact + habits.hold_s
-        self.end = self.lift + habits.lift_s
-        self.at = np.arange(int(self.end * habits.rate_hz) + 1) / habits.rate_hz
+        self.lift = self.contact + params.hold_s
+        self.end = self.lift + params.lift_s
+        self.at = np.arange(int(self.end * params.rate_hz) + 1) / params.rate_hz
 
     def phases(self) -> np.ndarray:
         """(t,) index into PHASES."""
@@ -111,33 +114,33 @@ class _Times:
         return found
 
 
-def _closing(grip: HandleGrasp, hooking: float, times: _Times, habits: ReachParameters) -> np.ndarray:
-    """(t,) first synergy: the aperture goes from rest to its peak, from there to the contact, and stays."""
+def _closing(grip: HandleGrasp, hooking: float, times: _Times, params: ReachParameters) -> np.ndarray:
+    """Return the (t,) first synergy: the aperture goes from rest to its peak, from there to contact, and stays."""
     wide, amount = closings(hooking)
-    rest = float(aperture(pose_hand(np.array([habits.rest_closing]), np.array([hooking])))[0])
-    peak = float(np.clip(habits.peak_m + PEAK_SLOPE * grip.size_m, grip.size_m, wide[-1]))
+    rest = float(aperture(pose_hand(np.array([params.rest_closing]), np.array([hooking])))[0])
+    peak = float(np.clip(params.peak_m + PEAK_SLOPE * grip.size_m, grip.size_m, wide[-1]))
     apertures = np.array([rest, max(peak, rest), grip.size_m])
     opening = minimum_jerk_through(times.at, np.array([0.0, times.peak, times.contact]), apertures)
-    pressed = habits.press * minimum_jerk((times.at - times.reach) / (times.lift - times.reach))
+    pressed = params.press * minimum_jerk((times.at - times.reach) / (times.lift - times.reach))
     found: np.ndarray = (np.interp(opening, wide, amount) + pressed).clip(max=1.0)
     return found
 
 
-def _palm(grip: HandleGrasp, times: _Times, habits: ReachParameters, rng: np.random.Generator) -> np.ndarray:
-    """(t, 4, 4) pose of the wrist in the world."""
-    back = -grip.approach + habits.start + habits.wander * rng.normal(size=3)
-    start = rng.uniform(*habits.distance_m) * back / np.linalg.norm(back)
-    turn = Rotation.from_rotvec(_direction(rng) * rng.uniform(0, habits.turn_rad)).as_rotvec()
+def _palm(grip: HandleGrasp, times: _Times, params: ReachParameters, rng: np.random.Generator) -> np.ndarray:
+    """Return the (t, 4, 4) pose of the wrist in the world."""
+    back = -grip.approach + params.start + params.wander * rng.normal(size=3)
+    start = rng.uniform(*params.distance_m) * back / np.linalg.norm(back)
+    turn = Rotation.from_rotvec(_direction(rng) * rng.uniform(0, params.turn_rad)).as_rotvec()
     left = 1 - minimum_jerk(times.at / times.reach)
     palm = np.tile(grip.T_world_wrist, (len(times.at), 1, 1))
     palm[:, :3, :3] = Rotation.from_rotvec(left[:, None] * turn).as_matrix() @ palm[:, :3, :3]
-    palm[:, :3, 3] += left[:, None] * start + habits.beyond_m
-    palm[:, 2, 3] += _rise(times, habits)
+    palm[:, :3, 3] += left[:, None] * start + params.beyond_m
+    palm[:, 2, 3] += _rise(times, params)
     return palm
 
 
-def _rise(times: _Times, habits: ReachParameters) -> np.ndarray:
-    found: np.ndarray = habits.lift_m * minimum_jerk((times.at - times.lift) / habits.lift_s)
+def _rise(times: _Times, params: ReachParameters) -> np.ndarray:
+    found: np.ndarray = params.lift_m * minimum_jerk((times.at - times.lift) / params.lift_s)
     return found
 
 
@@ -148,33 +151,34 @@ def _direction(rng: np.random.Generator) -> np.ndarray:
 
 
 def _tremble(shape: tuple[int, ...], rng: np.random.Generator) -> np.ndarray:
-    """Smooth noise of standard deviation 1."""
+    """Draw smooth noise of standard deviation 1."""
     smooth: np.ndarray = gaussian_filter1d(rng.normal(size=shape), TREMBLE_FRAMES, axis=0, mode="reflect")
     return smooth * np.sqrt(2 * TREMBLE_FRAMES * np.sqrt(np.pi))
 
 
 PAD_M = 0.006
-"""from a tracked fingertip to the skin that touches"""
+"""distance from a tracked fingertip to the skin in contact"""
 FROM_FRONT_AND_ABOVE = np.array([0.0, 1.0, -1.0]) / np.sqrt(2)
 """the person sits at -y"""
 
 
 @dataclass(frozen=True, eq=False)
 class HandleGrasp:
-    """A grasp of a handle."""
+    """Grasp of a handle: across it, the thumb opposite to the fingers."""
 
     T_world_wrist: np.ndarray
     """(4, 4)"""
     approach: np.ndarray
-    """(3,) unit direction in which the hand comes, across the handle"""
+    """(3,) unit direction in which the hand moves, across the handle"""
     size_m: float
-    """aperture that touches both sides"""
+    """aperture at which thumb and fingers touch both sides"""
 
 
 def grasp_handle(target: GraspTarget, hooking: float, turn_rad: float, come: np.ndarray = FROM_FRONT_AND_ABOVE) -> HandleGrasp:
-    """The grasp whose approach is turned about the handle by `turn_rad` from the direction `come` (3,), of which what lies along
-    the handle is left out. Of the two grasps of that approach it is the one with the back of the hand up. ValueError when the
-    hand does not fit.
+    """Compute the grasp of a handle.
+
+    The approach is the component of `come` (3,) across the handle, rotated about the handle by `turn_rad`. Of the two grasps of
+    that approach, the one with the back of the hand up is returned. ValueError when the hand cannot span the handle.
     """
     size = target.diameter_m + 2 * PAD_M
     wide, amount = closings(hooking)
@@ -197,7 +201,7 @@ def grasp_handle(target: GraspTarget, hooking: float, turn_rad: float, come: np.
 
 
 def _world(target: GraspTarget) -> np.ndarray:
-    """(4, 4) pose of the handle in the world."""
+    """Return the (4, 4) pose of the handle in the world."""
     T = np.eye(4)
     T[:3, :3] = Rotation.from_quat(target.object_pose[3:]).as_matrix()
     T[:3, 3] = target.object_pose[:3]
@@ -215,7 +219,7 @@ def _approach(axis: np.ndarray, turn_rad: float, come: np.ndarray) -> np.ndarray
 
 
 def _off(vector: np.ndarray, axis: np.ndarray) -> np.ndarray:
-    """The unit part of a vector that is square to a unit axis."""
+    """Return the unit component of a vector orthogonal to a unit axis."""
     return _unit(vector - (vector @ axis) * axis)
 
 

@@ -1,4 +1,8 @@
-"""Where the points of a robot hand should be for it to do what a person's hand does: the same directions, its own lengths."""
+"""Retargeting targets: the points of a robot hand that correspond to human keypoints, and where they should be.
+
+Every finger has four points: base, middle and distal joint, and tip. A target keeps the direction of the human bone and takes the
+length of the robot's bone.
+"""
 
 from __future__ import annotations
 
@@ -15,24 +19,24 @@ LEVEL_1, LEVEL_2, DISTAL, TIP = range(OF_FINGER)
 
 @dataclass(frozen=True, eq=False)
 class HandPoints:
-    """Which points of a hand are compared with which of a person's 21."""
+    """Correspondence between points of a robot hand and the 21 human keypoints."""
 
     links: np.ndarray
     """(4 f,) link of each point, finger by finger, from the palm to the tip"""
     offsets_m: np.ndarray
     """(4 f, 3) in the link's frame"""
     keypoint: np.ndarray
-    """(f, 4) index of the person's point"""
+    """(f, 4) index of the human keypoint"""
     bones_m: np.ndarray
     """(f, 3) lengths from point to point, at rest"""
     knuckles: np.ndarray
-    """(k,) fingers whose bases say where the palm is and how wide: index, middle, ring, as many as there are"""
+    """(k,) fingers whose bases fix the pose and width of the palm: index, middle, ring, as many as there are"""
     knuckles_m: np.ndarray
-    """(k, 3) their bases in the palm's frame, at rest"""
+    """(k, 3) their bases in the palm frame, at rest"""
 
 
 def hand_points(hand: HandModel) -> HandPoints:
-    """The points of a hand; at rest every joint is at 0, or at the limit that is nearest to it."""
+    """Find the points of a hand; at rest every joint is at 0, or at the limit nearest to 0."""
     fingers = hand.fingers
     links = np.stack([fingers.base_link, fingers.middle_link, fingers.tip_link, fingers.tip_link], axis=1)
     offsets = np.zeros((len(links), OF_FINGER, 3))
@@ -55,19 +59,21 @@ SHORT_M = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class Targets:
-    """Of t frames."""
+    """Targets of t frames."""
 
     points_m: np.ndarray
     """(t, f, 4, 3) in the world"""
     pinches_m: np.ndarray
-    """(t, f - 1, 3) from the tip of the first finger to those of the others, as the person has them"""
+    """(t, f - 1, 3) vectors from the tip of the first finger to the other tips, as in the human hand"""
     palm: np.ndarray
-    """(t, 4, 4) the person's palm, in the frame of the robot's: where to begin"""
+    """(t, 4, 4) pose of the human palm in the robot's palm convention: the initial guess"""
 
 
 def scaled_targets(hand: HandModel, which: HandPoints, keypoints: np.ndarray, keep_tips: float) -> Targets:
-    """keypoints (t, 21, 3) -> what to reach. Every bone keeps its direction and takes the robot's length: its ratio is that of
-    the robot's bone to the person's median. `keep_tips` 1 leaves the fingertips where the person has them, 0 scales them too.
+    """Compute targets from keypoints (t, 21, 3).
+
+    Every bone keeps its direction and is scaled by the ratio of the robot's bone to the human median. `keep_tips` = 1 leaves
+    fingertips where the human ones are, 0 scales them as well.
     """
     theirs = keypoints[:, which.keypoint]
     bones = np.diff(theirs, axis=2)
@@ -80,7 +86,7 @@ def scaled_targets(hand: HandModel, which: HandPoints, keypoints: np.ndarray, ke
 
 
 def palm_ratio(which: HandPoints, theirs: np.ndarray) -> float:
-    """How much wider the robot's row of knuckles is; 1 when it has but one. theirs (t, f, 4, 3)."""
+    """Return the ratio of the robot's row of knuckles to the human one, for (t, f, 4, 3); 1 with a single knuckle."""
     if len(which.knuckles) < 2:
         return 1.0
     row = theirs[:, which.knuckles, LEVEL_1]
@@ -89,7 +95,10 @@ def palm_ratio(which: HandPoints, theirs: np.ndarray) -> float:
 
 
 def grip_axes(keypoints: np.ndarray, side: str) -> np.ndarray:
-    """(t, 21, 3) -> (t, 3, 3), columns x to a right hand's thumb, y out of the back, z to the fingers, as R_palm_grip has them."""
+    """Compute the axes of the human palm, (t, 21, 3) -> (t, 3, 3): the convention of R_palm_grip.
+
+    Columns: x to a right hand's thumb, y out of the back, z to the fingers.
+    """
     z = _unit(keypoints[:, [INDEX_MCP, MIDDLE_MCP, RING_MCP, LITTLE_MCP]].mean(axis=1) - keypoints[:, 0])
     across = (keypoints[:, INDEX_MCP] - keypoints[:, LITTLE_MCP]) * (1.0 if side == "right" else -1.0)
     y = _unit(np.cross(z, across))
@@ -97,7 +106,7 @@ def grip_axes(keypoints: np.ndarray, side: str) -> np.ndarray:
 
 
 def bone_angles(which: HandPoints, ours: np.ndarray, keypoints: np.ndarray) -> np.ndarray:
-    """(t, f, 4, 3) and (t, 21, 3) -> (t,) mean angle in radians between the bones of both hands."""
+    """Return the (t,) mean angle in radians between the bones of the robot hand (t, f, 4, 3) and of (t, 21, 3)."""
     a, b = (np.diff(points, axis=2) for points in (ours, keypoints[:, which.keypoint]))
     long = (np.linalg.norm(a, axis=-1) > SHORT_M) & (np.linalg.norm(b, axis=-1) > SHORT_M)
     angle = np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), (a * b).sum(axis=-1))

@@ -1,6 +1,6 @@
-"""UniDexGrasp's lists of objects: one YAML file for each of three splits -> every object in every size.
+"""Read UniDexGrasp's lists of objects: one YAML file for each of three splits, every object in every size.
 
-A line is `'core/bottle-<hash>': [0.06, 0.1]`. The files are named by their split: train.yaml, unseen_objects.yaml,
+A line is `'core/bottle-<hash>': [0.06, 0.1]`. The files are named by split: train.yaml, unseen_objects.yaml,
 unseen_categories.yaml. Written after the description of the data set; never run on the real lists.
 """
 
@@ -22,7 +22,7 @@ Row = tuple[str, str, str, float]
 
 
 def read(files: FileTree) -> GraspObjects:
-    """All three splits; SourceError when one is missing, a line is another, or a split holds what it must not."""
+    """Read all three splits; SourceError for a missing split, a malformed line, or an object in the wrong split."""
     rows = [row for split in SPLITS for row in sorted(_split(_file(files, f"{split}.yaml"), split))]
     _apart(files.name, rows)
     code, category, split, scale = zip(*rows, strict=True)
@@ -30,7 +30,7 @@ def read(files: FileTree) -> GraspObjects:
 
 
 def category(code: str) -> str:
-    """bottle of core/bottle-1a2b, and of sem/Bottle-1a2b."""
+    """Return the category of an object code: bottle for core/bottle-1a2b and for sem/Bottle-1a2b."""
     return code.rpartition("/")[2].split("-")[0].lower()
 
 
@@ -59,7 +59,7 @@ def _line(where: str, line: str) -> list[tuple[str, float]]:
 
 
 def _apart(name: str, rows: list[Row]) -> None:
-    """No object is in two splits, and no category of the last is in the first."""
+    """Check that no object is in two splits, and that no category of the last split is in the first."""
     of = {split: {row[0] for row in rows if row[2] == split} for split in SPLITS}
     for k, split in enumerate(SPLITS):
         shared = sorted(set().union(*(of[other] for other in SPLITS[:k])) & of[split])
@@ -75,5 +75,5 @@ def _apart(name: str, rows: list[Row]) -> None:
 def _file(files: FileTree, name: str) -> FileRef:
     found = files.find(name)
     if found is None:
-        raise SourceError(files.name, f"a file {name}", "none", f"name the lists {', '.join(SPLITS)}.yaml")
+        raise SourceError(files.name, f"a file {name}", "no such file", f"name the lists {', '.join(SPLITS)}.yaml")
     return found

@@ -1,1 +1,1 @@
-"""Policies: residual teacher, scripted expert, student from point clouds, and their training."""
+"""Policies: teacher over a frozen prior, student from depth cameras, their training and their files."""

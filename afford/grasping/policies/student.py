@@ -1,35 +1,49 @@
-"""A student among n grasps: it looks, and acts in the frame of its own start. It touches a world only through what senses say
-(`sensed`), what cameras show (`shoot`) and where N_t lies.
+"""Student policy: observes n worlds by cameras and its own senses, and acts in the frame of its start. Also its files.
 
-N_t comes from the stage before in the frame of the object. `first_look`: it stays where it lay in the world when the episode began,
-which a robot knows from having looked at the scene once. `tracked`: it moves with the object's true pose, the paper's way.
+A student reads a world only by proprioception (`sense`), depth cameras (`render_depth`) and N_t.
+
+N_t comes from the previous stage in the frame of the object. With `first_look` it stays where it was in the world when the episode
+began, which a robot knows from one look at the scene. With `tracked` it moves with the object's true pose, as in the paper.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
 
-from afford.grasping.env import act
-from afford.grasping.env.core import Grasping
-from afford.grasping.policies.cameras import Rig, shoot
-from afford.grasping.policies.depth_noise import DepthNoise, drawn, noisy
-from afford.grasping.policies.proprioception import Proprioception, Start, body_of, sensed
-from afford.grasping.policies.shapes import body_shape, hand_shape
-from afford.grasping.policies.sight import Eyes, Seen, see
-from afford.grasping.rl.cloud_policy import CloudPolicy
+from afford.grasping.env import actions
+from afford.grasping.env.grasp_worlds import GraspWorlds
+from afford.grasping.policies.depth_cameras import (
+    CameraRig,
+    DepthNoise,
+    add_depth_noise,
+    body_shape,
+    hand_shape,
+    random_depth_noise,
+    render_depth,
+)
+from afford.grasping.policies.proprioception import Proprioception, StartFrame, robot_body, sense
+from afford.grasping.policies.student_obs import CloudSampling, StudentObs, student_obs
+from afford.grasping.rl.cloud_policy import CloudConfig, CloudPolicy
+from afford.grasping.rl.policy_files import load_weights, save_weights
+from schemas.files import FileTree
 
 N_SOURCES = ("first_look", "tracked")
+CONFIG, WEIGHTS, FORMAT = "student.json", "student.safetensors", "afford-student-1"
 
 
 @dataclass(frozen=True)
-class Senses:
-    """All that a student sees by. ValueError for what cannot be."""
+class StudentSensors:
+    """Sensors of a student. The fields are keys of student.json. ValueError for an unknown value."""
 
-    rig: Rig = field(default_factory=Rig)
-    eyes: Eyes = field(default_factory=Eyes)
+    rig: CameraRig = field(default_factory=CameraRig)
+    eyes: CloudSampling = field(default_factory=CloudSampling)
     n_t: str = "first_look"
     """first_look or tracked"""
 
@@ -38,62 +52,88 @@ class Senses:
             raise ValueError(f"n_t: expected {' or '.join(N_SOURCES)}, got {self.n_t!r}")
 
 
-class Sight:
-    """Cameras and senses in n worlds. It must look, or act, at the beginning of every episode."""
+class StudentObserver:
+    """Cameras and senses of n worlds. `observe` must be called at the beginning of every episode."""
 
-    def __init__(self, core: Grasping, senses: Senses, seed: int = 0) -> None:
-        """`seed` of the noise of depth, which is there where worlds are randomised."""
+    def __init__(self, core: GraspWorlds, sensors: StudentSensors, seed: int = 0) -> None:
+        """Build cameras and shapes; `seed` is that of depth noise, which is added where worlds are randomised."""
         n = len(core.tasks)
-        self.core, self.senses = core, senses
-        self.cameras, self.hand = senses.rig.cameras(), hand_shape(core.scenery.hand)
+        self.core, self.sensors = core, sensors
+        self.cameras, self.hand = sensors.rig.cameras(), hand_shape(core.scenery.hand)
         shapes = {id(one.body): body_shape(one.body) for one in core.tasks}
         self.bodies = [shapes[id(one.body)] for one in core.tasks]
-        self.robot = body_of(core.scenery, core.rates[:, 0])
-        self.noise = [drawn(core.config.seed + k) if core.config.randomise else DepthNoise() for k in range(n)]
-        self.start, self._N = Start(np.zeros((n, 3)), np.zeros(n)), core.scenery.N_object.copy()
+        self.robot = robot_body(core.scenery, core.rates[:, 0])
+        self.noise = [random_depth_noise(core.config.seed + k) if core.config.randomise else DepthNoise() for k in range(n)]
+        self.start, self._N = StartFrame(np.zeros((n, 3)), np.zeros(n)), core.scenery.N_object.copy()
         self.reseed(seed)
 
     def reseed(self, seed: int) -> None:
-        """Noise anew."""
+        """Restart the generator of depth noise."""
         self._rng = np.random.default_rng([seed, 3])
 
-    def look(self) -> Seen:
-        """Now."""
-        core, state, own = self.core, self.core.state(), sensed(self.core.now(), self.robot.rates)
-        self._remember(own)
-        images = noisy(shoot(self.cameras, self.hand, self.bodies, state.q, state.body), self.noise, self._rng)
-        N = core.scenery.negative_points(state) if self.senses.n_t == "tracked" else self._N
-        return see(images, own, N, core.scenery.any_negative, self.cameras, self.robot, self.start, self.senses.eyes)
+    def observe(self) -> StudentObs:
+        """Observe the current state of all worlds."""
+        core, state, own = self.core, self.core.state(), sense(self.core.snapshot(), self.robot.rates)
+        self._remember_starts(own)
+        images = add_depth_noise(render_depth(self.cameras, self.hand, self.bodies, state.q, state.body), self.noise, self._rng)
+        N = core.scenery.negative_points(state) if self.sensors.n_t == "tracked" else self._N
+        return student_obs(images, own, N, core.scenery.any_negative, self.cameras, self.robot, self.start, self.sensors.eyes)
 
-    def own(self, action: np.ndarray) -> np.ndarray:
-        """(n, m) actions as `core.step` takes them -> in the frame of the start, where they may be beyond -1..1."""
-        return self.robot.own(act.turned(action * self.robot.rates, self.core.now().episode.yaw), self.start)
+    def to_start_frame(self, action: np.ndarray) -> np.ndarray:
+        """(n, m) actions of `core.step` -> in the frame of the start, where they may exceed -1..1."""
+        return self.robot.to_start(actions.turned(action * self.robot.rates, self.core.episode.yaw), self.start)
 
-    def given(self, action: np.ndarray) -> np.ndarray:
-        """(n, m) actions in the frame of the start -> as `core.step` takes them: the same moves of the hand in the world."""
-        moves = self.robot.world(action, self.start)
-        found: np.ndarray = (act.turned(moves, -self.core.now().episode.yaw) / self.robot.rates).clip(-1, 1)
+    def from_start_frame(self, action: np.ndarray) -> np.ndarray:
+        """(n, m) actions in the frame of the start -> actions of `core.step`: the same moves of the hand in the world."""
+        moves = self.robot.to_world(action, self.start)
+        found: np.ndarray = (actions.turned(moves, -self.core.episode.yaw) / self.robot.rates).clip(-1, 1)
         return found
 
-    def _remember(self, own: Proprioception) -> None:
-        """Where hands were and N_t lay, of episodes that begin now."""
+    def _remember_starts(self, own: Proprioception) -> None:
+        """Keep the frames of the start and N_t of episodes that begin now."""
         fresh = np.flatnonzero(self.core.steps_done() == 0)
         begun = self.robot.start(own)
         self.start.origin[fresh], self.start.yaw[fresh] = begun.origin[fresh], begun.yaw[fresh]
         self._N[fresh] = self.core.scenery.negative_points(self.core.state())[fresh]
 
 
-class Student:
-    """A trained student at work: an Actor (evaluate.py)."""
+class StudentActor:
+    """Trained student as an Actor (rollout.py)."""
 
-    def __init__(self, model: CloudPolicy, senses: Senses) -> None:
-        self.model, self.senses = model.eval(), senses
-        self._sight: Sight | None = None
+    def __init__(self, model: CloudPolicy, sensors: StudentSensors) -> None:
+        self.model, self.sensors = model.eval(), sensors
+        self._observer: StudentObserver | None = None
 
     @torch.no_grad()
-    def act(self, now: Grasping) -> np.ndarray:
-        """(n, m) as `step` takes them."""
-        if self._sight is None or self._sight.core is not now:
-            self._sight = Sight(now, self.senses)
-        chosen = self.model(*(torch.from_numpy(part) for part in self._sight.look()))
-        return self._sight.given(chosen.numpy().astype(np.float64))
+    def act(self, now: GraspWorlds) -> np.ndarray:
+        """(n, m) actions of `now.step`."""
+        if self._observer is None or self._observer.core is not now:
+            self._observer = StudentObserver(now, self.sensors)
+        action = self.model(*(torch.from_numpy(part) for part in self._observer.observe()))
+        return self._observer.from_start_frame(action.numpy().astype(np.float64))
+
+
+def write_student(root: Path, model: CloudPolicy, sensors: StudentSensors, facts: Mapping[str, Any]) -> None:
+    """Write a student into the folder `root`; `facts` are those of its teacher (rl/policy_files.py)."""
+    root.mkdir(parents=True, exist_ok=True)
+    described = {"format": FORMAT, "network": asdict(model.config), "senses": asdict(sensors), "facts": dict(facts)}
+    (root / CONFIG).write_text(json.dumps(described, indent=2, sort_keys=True) + "\n", encoding="utf-8")
+    save_weights(root / WEIGHTS, model)
+
+
+def read_student(files: FileTree) -> tuple[CloudPolicy, StudentSensors, dict[str, Any]]:
+    """Read what `write_student` wrote. ValueError names the file that is missing or does not fit."""
+    found = {name: files.find(name) for name in (CONFIG, WEIGHTS)}
+    if missing := [name for name, file in found.items() if file is None]:
+        there = ", ".join(file.name for file in files.files) or "no file"
+        raise ValueError(f"{files.name}: expected {missing[0]} of a trained student, got {there}")
+    config, weights = (file.path for file in found.values() if file is not None)
+    described = json.loads(config.read_text(encoding="utf-8"))
+    if described.get("format") != FORMAT:
+        raise ValueError(f'{CONFIG} of {files.name}: expected "format": "{FORMAT}", got {described.get("format")!r}; '
+                         f"train the student again")
+    network, senses = described["network"], described["senses"]
+    model = CloudPolicy(CloudConfig(**{**network, "points": tuple(network["points"]), "hidden": tuple(network["hidden"])}))
+    load_weights(weights, model)
+    sensors = StudentSensors(CameraRig(**senses["rig"]), CloudSampling(**senses["eyes"]), senses["n_t"])
+    return model.eval(), sensors, described["facts"]

@@ -1,1 +1,1 @@
-"""Reinforcement learning: PPO, DAgger, point-cloud policy."""
+"""Reinforcement and imitation learning algorithms: PPO, DAgger, the point-cloud policy, policies as files."""

@@ -1,5 +1,5 @@
-"""A policy that sees clouds: a PointNet for each kind of points, the robot's numbers beside every point; a transformer over what
-they say; attention pooling; a perceptron.
+"""Point-cloud policy: a PointNet per kind of points, conditioned on the robot's own numbers; a transformer over their tokens;
+attention pooling; an MLP.
 """
 
 from __future__ import annotations
@@ -10,44 +10,43 @@ from itertools import pairwise
 import torch
 from torch import Tensor, nn
 
-from afford.grasping.rl.policy import perceptron
-from afford.grasping.rl.running import Running
+from afford.grasping.rl.ppo import RunningMeanStd, mlp
 
 UNIT_M = 0.1
-"""points come in metres; hands are about so large"""
+"""points in metres are divided by it: about the size of a hand"""
 
 
 @dataclass(frozen=True)
 class CloudConfig:
-    """Sizes."""
+    """Sizes of a point-cloud policy. The fields are keys of student.json."""
 
     robot: int
-    """numbers of the robot"""
+    """width of the robot's own numbers"""
     action: int
-    """numbers out"""
+    """width of an action"""
     points: tuple[int, ...] = (32, 64)
-    """widths of what is computed for each point"""
+    """widths of the layers that are applied to each point"""
     width: int = 64
-    """of a token"""
+    """width of a token"""
     blocks: int = 1
-    """of the transformer"""
+    """blocks of the transformer"""
     heads: int = 4
-    """of its attention"""
+    """attention heads of the transformer"""
     dropout: float = 0.0
-    """of the transformer"""
+    """dropout of the transformer"""
     hidden: tuple[int, ...] = (128, 128)
-    """widths of the perceptron"""
+    """widths of the MLP's hidden layers"""
     activation: str = "elu"
-    """of the perceptron: tanh or elu"""
+    """activation of the MLP: tanh or elu"""
 
 
-def paper(robot: int, action: int) -> CloudConfig:
-    """As AffordDex has it."""
+def paper_config(robot: int, action: int) -> CloudConfig:
+    """Return the sizes of AffordDex."""
     return CloudConfig(robot, action, (128, 256), 128, 2, 4, 0.1, (1024, 1024, 512, 512))
 
 
 class PointNet(nn.Module):
-    """Points of one kind -> a token. What is computed for each point is pooled by its maximum and its mean."""
+    """PointNet from points of one kind to a token: per-point layers, pooled by their maximum and their mean."""
 
     def __init__(self, channels: int, robot: int, config: CloudConfig) -> None:
         super().__init__()
@@ -58,33 +57,33 @@ class PointNet(nn.Module):
         self.pooled = nn.Sequential(nn.Linear(last, last), nn.ReLU(), nn.Linear(last, config.width))
 
     def forward(self, points: Tensor, robot: Tensor) -> Tensor:
-        """(n, k, c), (n, r) -> (n, width). One layer over points and numbers together is the sum of a layer over each."""
+        """(n, k, c), (n, r) -> (n, width). A layer over points and robot numbers together equals the sum of a layer over each."""
         each = self.each(self.point(points) + self.state(robot)[:, None])
         token: Tensor = self.pooled(each.max(dim=1).values + each.mean(dim=1))
         return token
 
 
 class CloudPolicy(nn.Module):
-    """What DAgger trains."""
+    """Student policy that DAgger trains, from point clouds of hand and object, negative points and the robot's own numbers."""
 
     def __init__(self, config: CloudConfig) -> None:
         super().__init__()
         self.config = config
-        self.seen = Running(config.robot)
+        self.seen = RunningMeanStd(config.robot)  # the attribute names are keys of student.safetensors
         self.hand, self.object, self.negative = (PointNet(3, config.robot, config) for _ in range(3))
         self.all = PointNet(4, config.robot, config)
         layer = nn.TransformerEncoderLayer(config.width, config.heads, 2 * config.width, config.dropout, batch_first=True)
         self.mixer = nn.TransformerEncoder(layer, config.blocks, enable_nested_tensor=False)
         self.weight = nn.Linear(config.width, 1)
-        self.actor = perceptron((config.width + config.robot, *config.hidden, config.action), config.activation, last=0.01)
+        self.actor = mlp((config.width + config.robot, *config.hidden, config.action), config.activation, last=0.01)
 
     def forward(self, robot: Tensor, cloud: Tensor, N: Tensor) -> Tensor:
-        """(n, r), (n, k, 3) of which half is the hand's, (n, p, 3) -> (n, action)."""
+        """(n, r), (n, k, 3) whose first half is the hand, (n, p, 3) negative points -> (n, action)."""
         state = self.seen(robot)
         whole, negative = cloud.float() / UNIT_M, N.float() / UNIT_M
-        hand, thing = whole.chunk(2, dim=1)
+        hand, obj = whole.chunk(2, dim=1)
         kind = torch.linspace(0, 1, 2).repeat_interleave(hand.shape[1])[None, :, None].expand(len(whole), -1, 1)
-        tokens = torch.stack([self.hand(hand, state), self.object(thing, state), self.all(torch.cat([whole, kind], 2), state),
+        tokens = torch.stack([self.hand(hand, state), self.object(obj, state), self.all(torch.cat([whole, kind], 2), state),
                               self.negative(negative, state)], dim=1)  # fmt: skip
         mixed = self.mixer(tokens)
         pooled = (self.weight(mixed).softmax(dim=1) * mixed).sum(dim=1)

@@ -1,8 +1,8 @@
-"""DAgger (Ross et al. 2011): the student acts, the teacher says what it would have done there, the student learns that.
+"""DAgger (Ross et al. 2011): the student acts, the teacher labels the visited states with its own actions, the student fits them.
 
-As in AffordDex: a first-in first-out buffer, the mean squared error on mean actions, Adam. Unlike it: episodes are finished before
-they are learned from, the teacher acts in a falling share of the worlds in the first rounds (beta of the original), and minibatches
-are a fixed number (its: 5 passes over the buffer in 4 minibatches, after every step).
+AffordDex likewise uses a first-in first-out buffer, the mean squared error of mean actions, and Adam. Three things differ here:
+episodes are finished before learning from them; the teacher acts in a falling share of the worlds in the first rounds (beta of the
+original paper); and a round has a fixed number of minibatches (AffordDex: 5 passes over the buffer in 4 minibatches, every step).
 """
 
 from __future__ import annotations
@@ -17,65 +17,65 @@ from torch import Tensor, nn
 
 from afford.grasping.rl.cloud_policy import CloudPolicy
 
-Seen = Sequence[np.ndarray]
-"""what a student sees, (n, ...) each: its robot's numbers first"""
+Observation = Sequence[np.ndarray]
+"""observation of a student, arrays of (n, ...): the robot's own numbers first"""
 
 
 @dataclass(frozen=True)
-class Config:
-    """What DAgger can be told."""
+class DaggerConfig:
+    """Hyperparameters of DAgger."""
 
     rounds: int = 40
     """episodes in every world, each followed by learning"""
     updates: int = 80
     """minibatches of a round"""
     batch: int = 128
-    """moments in a minibatch"""
+    """rows of a minibatch"""
     buffer: int = 9600
-    """moments that are remembered"""
+    """rows of the replay buffer"""
     led: int = 6
-    """rounds over which the teacher's share of the worlds falls from all to none; 0 for never any"""
+    """rounds over which the share of worlds that the teacher acts in (beta) falls from 1 to 0; 0 for none"""
     lr: float = 1e-3
-    """of Adam; it falls to 0 towards the last round"""
+    """learning rate of Adam; it falls to 0 towards the last round"""
     max_grad_norm: float = 1.0
-    """gradients are scaled down to it"""
+    """gradients are clipped to this norm"""
     seed: int = 0
-    """of the worlds that are led and of minibatches"""
+    """seed of minibatches, and of the worlds that the teacher acts in"""
 
 
-class Worlds(Protocol):
-    """n worlds with a teacher beside the student. Actions are the student's own."""
+class DaggerEnv(Protocol):
+    """n worlds with a teacher that labels their states. Actions are those of the student."""
 
     steps: int
-    """of an episode"""
+    """steps of an episode"""
 
-    def begin(self, round_: int) -> Seen:
-        """Begin round `round_` everywhere; the same number begins the same way."""
+    def begin(self, round_: int) -> Observation:
+        """Reset all worlds for round `round_`; the same number gives the same episodes."""
         ...
 
     def label(self) -> np.ndarray:
-        """(n, a) what the teacher would do now."""
+        """(n, a) actions of the teacher in the current states."""
         ...
 
-    def step(self, action: np.ndarray) -> Seen:
-        """Act (n, a)."""
+    def step(self, action: np.ndarray) -> Observation:
+        """Apply the actions (n, a)."""
         ...
 
     def report(self) -> dict[str, np.ndarray]:
-        """(n,) figures of the episodes that have come to their end."""
+        """(n,) figures of the episodes that end now."""
         ...
 
 
-class Buffer:
-    """The last moments and their labels."""
+class ReplayBuffer:
+    """First-in first-out buffer of observations and their labels."""
 
     def __init__(self, size: int) -> None:
         self.size, self.columns = size, list[np.ndarray]()
         self.count = 0
-        """moments that ever came in"""
+        """rows added so far, forgotten ones included"""
 
     def add(self, *columns: np.ndarray) -> None:
-        """(n, ...) each."""
+        """Append rows; every column is (n, ...)."""
         if not self.columns:
             self.columns = [np.zeros((self.size, *column.shape[1:]), column.dtype) for column in columns]
         at = (self.count + np.arange(len(columns[0]))) % self.size
@@ -83,56 +83,57 @@ class Buffer:
             kept[at] = column
         self.count += len(columns[0])
 
-    def draw(self, rng: np.random.Generator, count: int) -> list[Tensor]:
-        """`count` of those that are there, anyhow."""
+    def sample(self, rng: np.random.Generator, count: int) -> list[Tensor]:
+        """Sample `count` rows uniformly, with replacement."""
         at = rng.integers(min(self.count, self.size), size=count)
         return [torch.from_numpy(column[at]) for column in self.columns]
 
 
-def learn(worlds: Worlds, model: CloudPolicy, config: Config, optimiser: torch.optim.Optimizer, buffer: Buffer, first: int,
-          each: Callable[[int, dict[str, float]], None]) -> None:  # fmt: skip
-    """Train from round `first` on; `each(round, scalars)` is called after every one. What a round draws depends on its number."""
+def train(envs: DaggerEnv, model: CloudPolicy, config: DaggerConfig, optimizer: torch.optim.Optimizer, buffer: ReplayBuffer,
+          first: int, on_round: Callable[[int, dict[str, float]], None]) -> None:  # fmt: skip
+    """Train from round `first` to the last; `on_round(round, scalars)` is called after each. Draws depend on the round only."""
     for number in range(first, config.rounds):
         rng = np.random.default_rng([config.seed, number])
         torch.manual_seed(int(rng.integers(2**62)))
-        for group in optimiser.param_groups:
+        for group in optimizer.param_groups:
             group["lr"] = config.lr * (1 - number / config.rounds)
-        scalars = collect(worlds, model, config, buffer, number, rng)
-        each(number, scalars | improve(model, config, optimiser, buffer, rng))
+        scalars = collect_episodes(envs, model, config, buffer, number, rng)
+        on_round(number, scalars | update(model, config, optimizer, buffer, rng))
 
 
 @torch.no_grad()
-def collect(worlds: Worlds, model: CloudPolicy, config: Config, buffer: Buffer, number: int,
-            rng: np.random.Generator) -> dict[str, float]:  # fmt: skip
-    """An episode in every world; the mean of each figure over those that the student led, and the teacher's share."""
+def collect_episodes(envs: DaggerEnv, model: CloudPolicy, config: DaggerConfig, buffer: ReplayBuffer, number: int,
+                     rng: np.random.Generator) -> dict[str, float]:  # fmt: skip
+    """Play an episode in every world; mean figures of the worlds in which the student acted, and the teacher's share `led`."""
     model.eval()
-    seen = worlds.begin(number)
-    share = max(0.0, 1 - number / config.led) if config.led else 0.0
-    led = np.arange(len(seen[0])) < round(share * len(seen[0]))
-    rng.shuffle(led)
+    obs = envs.begin(number)
+    beta = max(0.0, 1 - number / config.led) if config.led else 0.0
+    teacher_acts = np.arange(len(obs[0])) < round(beta * len(obs[0]))
+    rng.shuffle(teacher_acts)
     robots = []
-    for _ in range(worlds.steps):
-        label = worlds.label()
-        buffer.add(*seen, label.astype(np.float32))
-        robots.append(seen[0])
-        chosen = label if led.all() else np.where(led[:, None], label, model(*map(torch.from_numpy, seen)).numpy())
-        seen = worlds.step(chosen)
+    for _ in range(envs.steps):
+        label = envs.label()
+        buffer.add(*obs, label.astype(np.float32))
+        robots.append(obs[0])
+        action = label if teacher_acts.all() else np.where(teacher_acts[:, None], label,
+                                                           model(*map(torch.from_numpy, obs)).numpy())  # fmt: skip
+        obs = envs.step(action)
     model.seen.update(torch.from_numpy(np.concatenate(robots)))
-    report = {name: figure[~led & ~np.isnan(figure)] for name, figure in worlds.report().items()}
-    return {name: float(figure.mean()) for name, figure in report.items() if len(figure)} | {"led": float(led.mean())}
+    report = {name: figure[~teacher_acts & ~np.isnan(figure)] for name, figure in envs.report().items()}
+    return {name: float(figure.mean()) for name, figure in report.items() if len(figure)} | {"led": float(teacher_acts.mean())}
 
 
-def improve(model: CloudPolicy, config: Config, optimiser: torch.optim.Optimizer, buffer: Buffer,
-            rng: np.random.Generator) -> dict[str, float]:  # fmt: skip
-    """The mean error of the minibatches of a round."""
+def update(model: CloudPolicy, config: DaggerConfig, optimizer: torch.optim.Optimizer, buffer: ReplayBuffer,
+           rng: np.random.Generator) -> dict[str, float]:  # fmt: skip
+    """Fit the labels on the minibatches of a round; their mean error."""
     model.train()
     errors = []
     for _ in range(config.updates):
-        *seen, label = buffer.draw(rng, config.batch)
-        loss = nn.functional.mse_loss(model(*seen), label)
-        optimiser.zero_grad()
+        *obs, label = buffer.sample(rng, config.batch)
+        loss = nn.functional.mse_loss(model(*obs), label)
+        optimizer.zero_grad()
         loss.backward()
         nn.utils.clip_grad_norm_(model.parameters(), config.max_grad_norm)
-        optimiser.step()
+        optimizer.step()
         errors.append(loss.item())
     return {"error": float(np.mean(errors))}

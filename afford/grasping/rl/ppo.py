@@ -1,28 +1,31 @@
-"""Proximal policy optimisation (Schulman et al. 2017), in the order in which it happens.
+"""Proximal policy optimization (PPO, Schulman et al. 2017) with generalized advantage estimation, in one file.
 
-The numbers in the comments are those of Huang et al., "The 37 implementation details of proximal policy optimization" (ICLR blog
-track 2022, https://iclr-blog-track.github.io/2022/03/25/ppo-implementation-details/); details of Atari and LSTM are left out.
-What differs is said where it does: steps that end by a time limit are bootstrapped with the value of the last observation, and
-when the policy has moved far enough, an update goes on with the critic alone.
+Numbers in comments refer to Huang et al., "The 37 implementation details of proximal policy optimization" (ICLR blog track 2022,
+https://iclr-blog-track.github.io/2022/03/25/ppo-implementation-details/); details of Atari and LSTM are left out.
+Two things differ. Steps that end by a time limit are bootstrapped with the value of their final observation. An update whose
+policy has moved beyond the target KL divergence continues with the critic alone.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
 import torch
 from torch import Tensor, nn
+from torch.distributions import Independent, Normal
 
-from afford.grasping.rl.advantages import advantages
-from afford.grasping.rl.policy import ActorCritic
+from afford.grasping.env.step_result import StepResult
+
+ACTIVATIONS = {"tanh": nn.Tanh, "elu": nn.ELU}
 
 
 @dataclass(frozen=True)
-class Config:
-    """What PPO can be told."""
+class PPOConfig:
+    """Hyperparameters of PPO."""
 
     updates: int = 100
     """rollouts, each followed by an update"""
@@ -31,151 +34,238 @@ class Config:
     epochs: int = 6
     """passes over a rollout"""
     minibatches: int = 4
-    """parts of a pass"""
+    """minibatches of a pass"""
     lr: float = 5e-4
-    """of Adam"""
+    """learning rate of Adam"""
     gamma: float = 0.96
     """discount"""
-    lam: float = 0.95
-    """of generalised advantage estimation"""
+    gae_lambda: float = 0.95
+    """lambda of generalized advantage estimation"""
     clip: float = 0.2
-    """how far the ratio of probabilities may matter"""
+    """clipping range of the probability ratio and of the value"""
     value_weight: float = 0.5
-    """of the critic's loss"""
+    """weight of the critic's loss"""
     entropy_weight: float = 0.0
-    """of the policy's entropy"""
+    """weight of the policy's entropy"""
     max_grad_norm: float = 1.0
-    """gradients are scaled down to it"""
+    """gradients are clipped to this norm"""
     target_kl: float = 0.03
-    """beyond it, an update changes the critic only; 0 for never"""
+    """beyond 1.5 times this divergence an update changes the critic only; 0 for no bound"""
     anneal: bool = True
-    """whether lr falls to 0 towards the last update"""
+    """lower the learning rate to 0 towards the last update"""
 
 
-@dataclass(frozen=True, eq=False)
-class Moved:
-    """What a step of all environments brings: the next observation (n, d), of the next episode where one has ended; the observation
-    that this step led to (n, d); reward (n,), terminated (n,), truncated (n,); scalars to note.
-    """
+@dataclass(frozen=True)
+class PolicyConfig:
+    """Sizes of the actor and critic networks. The fields are keys of policy.json."""
 
-    observation: np.ndarray
-    reached: np.ndarray
-    reward: np.ndarray
-    terminated: np.ndarray
-    truncated: np.ndarray
-    notes: dict[str, float]
+    observation: int
+    """width of an observation"""
+    action: int
+    """width of an action"""
+    hidden: tuple[int, ...] = (128, 128)
+    """widths of the hidden layers of both networks"""
+    activation: str = "tanh"
+    """tanh or elu"""
+    std: float = 0.5
+    """standard deviation of the actions at the start of training"""
 
 
-class Environments(Protocol):
-    """n environments that begin anew by themselves."""
+def paper_config(observation: int, action: int) -> PolicyConfig:
+    """Return the sizes of AffordDex."""
+    return PolicyConfig(observation, action, (1024, 1024, 512, 512), "elu", 0.8)
+
+
+class RunningMeanStd(nn.Module):
+    """Normalize observations (n, d) by the running mean and variance of all rows given to `update` (Chan et al. 1979)."""
+
+    mean: Tensor
+    var: Tensor
+    count: Tensor
+
+    def __init__(self, width: int, clip: float = 5.0) -> None:
+        super().__init__()
+        self.clip = clip
+        self.register_buffer("mean", torch.zeros(width, dtype=torch.float64))
+        self.register_buffer("var", torch.ones(width, dtype=torch.float64))
+        self.register_buffer("count", torch.zeros((), dtype=torch.float64))
+
+    def update(self, x: Tensor) -> None:
+        """Add a batch (n, d) to the statistics."""
+        x = x.detach().double()
+        n, total = len(x), self.count + len(x)
+        delta = x.mean(0) - self.mean
+        squares = self.var * self.count + x.var(0, unbiased=False) * n + delta**2 * self.count * n / total
+        self.mean += delta * n / total
+        self.var.copy_(squares / total)
+        self.count.copy_(total)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """(n, d) float32 of zero mean and unit variance, clipped to -clip..clip."""
+        return ((x - self.mean) / (self.var + 1e-8).sqrt()).float().clamp(-self.clip, self.clip)
+
+
+class ActorCritic(nn.Module):
+    """Actor and critic: two MLPs over normalized observations, and a Gaussian whose spread is a parameter."""
+
+    def __init__(self, config: PolicyConfig) -> None:
+        super().__init__()
+        self.config = config
+        self.seen = RunningMeanStd(config.observation)  # obs_rms; the attribute names are keys of policy.safetensors
+        self.actor = mlp((config.observation, *config.hidden, config.action), config.activation, last=0.01)
+        self.critic = mlp((config.observation, *config.hidden, 1), config.activation, last=1.0)
+        self.log_std = nn.Parameter(torch.full((config.action,), config.std).log())
+
+    def forward(self, obs: Tensor) -> tuple[Independent, Tensor]:
+        """(n, d) -> distribution of actions (n, a), values (n,)."""
+        return self.actions(obs), self.value(obs)
+
+    def actions(self, obs: Tensor) -> Independent:
+        """Distribution of actions (n, a); a trained policy takes its mean."""
+        mean = self.actor(self.seen(obs))
+        return Independent(Normal(mean, self.log_std.exp().expand_as(mean)), 1)
+
+    def value(self, obs: Tensor) -> Tensor:
+        """(n,) expected discounted return."""
+        return self.critic(self.seen(obs))[..., 0]
+
+
+def mlp(widths: tuple[int, ...], activation: str, last: float) -> nn.Sequential:
+    """MLP with orthogonal weights, the last layer scaled by `last`, for small first actions (Andrychowicz et al. 2021)."""
+    layers: list[nn.Module] = []
+    for n, (before, after) in enumerate(pairwise(widths)):
+        linear = nn.Linear(before, after)
+        final = n == len(widths) - 2
+        nn.init.orthogonal_(linear.weight, last if final else 2**0.5)
+        nn.init.zeros_(linear.bias)
+        layers += [linear] if final else [linear, ACTIVATIONS[activation]()]
+    return nn.Sequential(*layers)
+
+
+class VecEnv(Protocol):
+    """n environments that reset themselves when an episode ends. A result has obs, final_obs, reward and metrics."""
 
     def reset(self) -> np.ndarray:
         """First observations (n, d)."""
         ...
 
-    def step(self, action: np.ndarray) -> Moved:
-        """Act (n, a)."""
+    def step(self, action: np.ndarray) -> StepResult:
+        """Apply the actions (n, a)."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class Rollout:
-    """What t steps of n environments showed, flattened to (t n, ...)."""
+    """Transitions of t steps of n environments, flattened to (t n, ...)."""
 
-    observation: Tensor
+    obs: Tensor
     action: Tensor
     log_prob: Tensor
     advantage: Tensor
     value: Tensor
     target: Tensor
-    notes: dict[str, float]
+    """return that the critic learns: advantage + value"""
+    metrics: dict[str, float]
 
 
-def learn(envs: Environments, model: ActorCritic, config: Config, optimiser: torch.optim.Optimizer, first: int,
-          each: Callable[[int, dict[str, float]], None], until: int | None = None) -> None:  # fmt: skip
-    """Train `model` from update `first` on, to the end or before update `until`; `each(update, scalars)` is called after every one.
-    Random draws are torch's.
+def train(envs: VecEnv, model: ActorCritic, config: PPOConfig, optimizer: torch.optim.Optimizer, first: int,
+          on_update: Callable[[int, dict[str, float]], None], until: int | None = None) -> None:  # fmt: skip
+    """Train `model` from update `first` to the last one, or up to but excluding update `until`.
+
+    `on_update(update, scalars)` is called after every update. All random draws are torch's.
     """
-    observation = envs.reset()
+    obs = envs.reset()
     if not model.seen.count:
-        model.seen.update(torch.from_numpy(observation))
-    for update in range(first, config.updates if until is None else until):
+        model.seen.update(torch.from_numpy(obs))
+    for number in range(first, config.updates if until is None else until):
         if config.anneal:  # 4
-            for group in optimiser.param_groups:
-                group["lr"] = config.lr * (1 - update / config.updates)
-        rollout, observation = collect(envs, model, observation, config)  # 1
-        scalars = rollout.notes | improve(model, optimiser, rollout, config)
-        model.seen.update(rollout.observation)  # continuous control 5, 6: once an update, so that the ratio begins at 1
-        each(update, scalars)
+            for group in optimizer.param_groups:
+                group["lr"] = config.lr * (1 - number / config.updates)
+        rollout, obs = collect_rollout(envs, model, obs, config)  # 1
+        scalars = rollout.metrics | update(model, optimizer, rollout, config)
+        model.seen.update(rollout.obs)  # continuous control 5, 6: once per update, so that the ratio begins at 1
+        on_update(number, scalars)
 
 
-def adam(model: nn.Module, lr: float) -> torch.optim.Adam:
-    """3: with an epsilon of 1e-5."""
+def make_optimizer(model: nn.Module, lr: float) -> torch.optim.Adam:
+    """Adam with an epsilon of 1e-5 (3)."""
     return torch.optim.Adam([p for p in model.parameters() if p.requires_grad], lr, eps=1e-5)
 
 
 @torch.no_grad()
-def collect(envs: Environments, model: ActorCritic, observation: np.ndarray, config: Config) -> tuple[Rollout, np.ndarray]:
-    """Act `steps` times by sampling."""
-    rows: list[tuple[Tensor, Tensor, Tensor, Tensor, Tensor, Moved]] = []
+def collect_rollout(envs: VecEnv, model: ActorCritic, obs: np.ndarray, config: PPOConfig) -> tuple[Rollout, np.ndarray]:
+    """Sample actions for `config.steps` steps; the rollout, and the observations (n, d) to continue from."""
     model.eval()
+    rows = list[tuple[Tensor, ...]]()
+    results = list[StepResult]()
     for _ in range(config.steps):
-        seen = torch.from_numpy(observation)
-        chosen, value = model(seen)  # continuous control 1, 2: a Gaussian whose spread is a parameter
-        action = chosen.sample()  # continuous control 3: components are independent
-        moved = envs.step(action.numpy())
-        rows.append((seen, action, chosen.log_prob(action), value, model.value(torch.from_numpy(moved.reached)), moved))
-        observation = moved.observation
-    return _flat(rows, config), observation
-
-
-def _flat(rows: list[tuple[Tensor, Tensor, Tensor, Tensor, Tensor, Moved]], config: Config) -> Rollout:
-    seen, action, log_prob, value, after = (torch.stack(column) for column in zip(*(row[:5] for row in rows), strict=True))
-    moved = [row[5] for row in rows]
-    reward, terminated, truncated = (np.stack([getattr(one, name) for one in moved])
-                                     for name in ("reward", "terminated", "truncated"))  # fmt: skip
-    gain = torch.from_numpy(advantages(reward.astype(np.float32), value.numpy(), after.numpy(), terminated,
-                                       terminated | truncated, config.gamma, config.lam))  # 5
-    columns = (seen, action, log_prob, gain, value, gain + value)
+        seen = torch.from_numpy(obs)
+        dist, value = model(seen)  # continuous control 1, 2: a Gaussian whose spread is a parameter
+        action = dist.sample()  # continuous control 3: components are independent
+        result = envs.step(action.numpy())
+        rows.append((seen, action, dist.log_prob(action), value, model.value(torch.from_numpy(result.final_obs))))
+        results.append(result)
+        obs = result.obs
+    seen, action, log_prob, value, next_value = (torch.stack(column) for column in zip(*rows, strict=True))
+    reward, terminated, done = (np.stack([getattr(one, name) for one in results]) for name in ("reward", "terminated", "done"))
+    advantage = torch.from_numpy(gae(reward.astype(np.float32), value.numpy(), next_value.numpy(), terminated, done,
+                                     config.gamma, config.gae_lambda))  # fmt: skip
+    columns = (seen, action, log_prob, advantage, value, advantage + value)
     a, b, c, d, e, f = (column.flatten(0, 1) for column in columns)
-    return Rollout(a, b, c, d, e, f, _mean([one.notes for one in moved]))
+    return Rollout(a, b, c, d, e, f, _mean([one.metrics for one in results])), obs
 
 
-def improve(model: ActorCritic, optimiser: torch.optim.Optimizer, rollout: Rollout, config: Config) -> dict[str, float]:
-    """Several passes over a rollout; scalars of the last minibatch that the policy learned from, and how many passes it did."""
+def gae(reward: np.ndarray, value: np.ndarray, next_value: np.ndarray, terminated: np.ndarray, done: np.ndarray, gamma: float,
+        gae_lambda: float) -> np.ndarray:  # fmt: skip
+    """Compute generalized advantage estimates (5; Schulman et al. 2016), (t, n) of t steps in n environments.
+
+    `value` (t, n) belongs to the observations that were acted on, `next_value` (t, n) to those that followed, before any reset.
+    Where `terminated` (t, n), the next value is 0. Where `done` (t, n), terminated or truncated, the next row is another episode.
+    """
+    td_error = reward + gamma * np.where(terminated, 0, next_value) - value  # delta
+    advantage = np.zeros_like(td_error)
+    last_gae = np.zeros(td_error.shape[1:], td_error.dtype)
+    for t in reversed(range(len(td_error))):
+        last_gae = td_error[t] + gamma * gae_lambda * np.where(done[t], 0, last_gae)
+        advantage[t] = last_gae
+    return advantage
+
+
+def update(model: ActorCritic, optimizer: torch.optim.Optimizer, rollout: Rollout, config: PPOConfig) -> dict[str, float]:
+    """Make several passes over a rollout; scalars of the last minibatch that the policy learned from, and its number of passes."""
     model.train()
     scalars, passes = dict[str, float](), float(config.epochs)
     for epoch in range(config.epochs):
         for rows in torch.randperm(len(rollout.action)).chunk(config.minibatches):  # 6
-            policy, critic, found = losses(model, rollout, rows, config)
+            policy_loss, value_loss, found = losses(model, rollout, rows, config)
             if config.target_kl and found["kl"] > 1.5 * config.target_kl:  # 12: from here on only the critic learns
                 passes = min(passes, float(epoch))
             learning = passes == config.epochs
             scalars = found if learning or not scalars else scalars
-            optimiser.zero_grad()
-            (policy + critic if learning else critic).backward()
+            optimizer.zero_grad()
+            (policy_loss + value_loss if learning else value_loss).backward()
             nn.utils.clip_grad_norm_(model.parameters(), config.max_grad_norm)  # 11
-            optimiser.step()
+            optimizer.step()
     return {**scalars, "epochs": passes}
 
 
-def losses(model: ActorCritic, rollout: Rollout, rows: Tensor, config: Config) -> tuple[Tensor, Tensor, dict[str, float]]:
-    """The losses of policy and critic on a minibatch, weighted, and its scalars."""
-    chosen, value = model(rollout.observation[rows])
-    moved = chosen.log_prob(rollout.action[rows]) - rollout.log_prob[rows]
-    ratio, gain = moved.exp(), rollout.advantage[rows]
-    gain = (gain - gain.mean()) / (gain.std() + 1e-8)  # 7
-    policy = -torch.min(ratio * gain, ratio.clamp(1 - config.clip, 1 + config.clip) * gain).mean()  # 8
-    before, target = rollout.value[rows], rollout.target[rows]
-    near = before + (value - before).clamp(-config.clip, config.clip)
-    critic = 0.5 * torch.max((value - target) ** 2, (near - target) ** 2).mean()  # 9
-    entropy = chosen.entropy().mean()
-    kl = (moved.exp() - 1 - moved).mean()  # 12
+def losses(model: ActorCritic, rollout: Rollout, rows: Tensor, config: PPOConfig) -> tuple[Tensor, Tensor, dict[str, float]]:
+    """Weighted losses of policy and critic on a minibatch, and its scalars."""
+    dist, value = model(rollout.obs[rows])
+    log_ratio = dist.log_prob(rollout.action[rows]) - rollout.log_prob[rows]
+    ratio, advantage = log_ratio.exp(), rollout.advantage[rows]
+    advantage = (advantage - advantage.mean()) / (advantage.std() + 1e-8)  # 7
+    policy = -torch.min(ratio * advantage, ratio.clamp(1 - config.clip, 1 + config.clip) * advantage).mean()  # 8
+    old_value, target = rollout.value[rows], rollout.target[rows]
+    clipped = old_value + (value - old_value).clamp(-config.clip, config.clip)
+    critic = 0.5 * torch.max((value - target) ** 2, (clipped - target) ** 2).mean()  # 9
+    entropy = dist.entropy().mean()
+    kl = (log_ratio.exp() - 1 - log_ratio).mean()  # 12
     scalars = {"policy": policy.item(), "critic": critic.item(), "entropy": entropy.item(), "kl": kl.item()}
     return policy - config.entropy_weight * entropy, config.value_weight * critic, scalars  # 10
 
 
-def _mean(notes: list[dict[str, float]]) -> dict[str, float]:
-    """Of every name, over the steps that noted it."""
-    names = sorted({name for one in notes for name in one})
-    return {name: float(np.mean([one[name] for one in notes if name in one])) for name in names}
+def _mean(metrics: list[dict[str, float]]) -> dict[str, float]:
+    """Mean of every scalar over the steps that logged it."""
+    names = sorted({name for one in metrics for name in one})
+    return {name: float(np.mean([one[name] for one in metrics if name in one])) for name in names}

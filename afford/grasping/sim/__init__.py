@@ -1,1 +1,1 @@
-"""Physics: MuJoCo, PyBullet and Warp worlds of one hand and one body."""
+"""Physics worlds of one hand and one object: MuJoCo, PyBullet and Warp."""

@@ -1,8 +1,8 @@
-"""A world on PyBullet, through afford.common.bullet.Client.
+"""A world in PyBullet, through afford.common.bullet.Client.
 
-Motors are velocity constraints with a limited impulse and speed; a coupled joint is held to its driver by a gear. The object is one
-body, a compound of hulls; the part that a contact is on is that of the hull whose surface is nearest. A wrist that takes forces is
-given them, less drag, at every step of the solver.
+Motors are velocity constraints with a limited impulse and speed; a gear holds a coupled joint to its driver. The object is one
+body, a compound of hulls; the part of a contact is that of the hull whose surface is nearest. A wrist that takes forces receives
+them, less drag, at every solver step.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ from afford.grasping.sim.scene import Physics, Scene, finger_of_link, hold_comma
 from schemas.grasp import GraspObject
 
 GEAR_NM = 100.0
-"""torque that a coupling may take: more than any motor of a finger has"""
+"""torque limit of a coupling, above that of any finger motor"""
 GEAR_ERP = 0.5
 EVERYTHING = (1, -1)
-"""group and mask of what moves"""
+"""collision group and mask of bodies that move"""
 TABLE_M = (2.0, 2.0, 0.05)
 
 
 @dataclass(frozen=True, eq=False)
 class Saved:
-    """A moment."""
+    """Saved state of a world."""
 
     number: int
     force: np.ndarray
@@ -45,10 +45,10 @@ class Saved:
 
 
 class BulletWorld:
-    """See afford.grasping.sim.engine.World."""
+    """PyBullet world; see afford.grasping.sim.engine.World."""
 
     def __init__(self, scene: Scene, seen: bool = False) -> None:
-        """`seen`: with what can be seen of the hand, for pictures."""
+        """`seen`: load the visual meshes of the hand, for rendering."""
         self.scene, self.client = scene, Client()
         hand, physics = scene.hand, scene.physics
         _settings(self.client, scene)
@@ -74,7 +74,7 @@ class BulletWorld:
         self._fresh = int(self.client.saveState())
 
     def reset(self, q: np.ndarray, body: np.ndarray) -> State:
-        """At rest, joints at q, motors holding them there."""
+        """Reset to rest, joints at q, motors holding them."""
         q, pose = finite_vector("reset, q", q, len(self._joints)), finite_vector("reset, body", body, 7)
         self._forget()
         self.client.restoreState(stateId=self._fresh)
@@ -90,7 +90,7 @@ class BulletWorld:
         return self.state()
 
     def step(self, u: np.ndarray, control_s: float) -> State:
-        """Motors follow u, cut to the limits of their joints."""
+        """Advance while the motors follow u, clipped to the limits of their joints."""
         u, count = finite_vector("step, u", u, len(self._motors)), solver_steps(control_s, self.scene.physics.rate_hz)
         self._command(u.clip(*self._limits.T))
         for _ in range(count):
@@ -102,11 +102,11 @@ class BulletWorld:
         return self.state()
 
     def push(self, force: np.ndarray, duration_s: float) -> None:
-        """A force on the object for a time."""
+        """Apply a force to the object for a time."""
         self._force, self._left = finite_vector("push, force", force, 3), round(duration_s * self.scene.physics.rate_hz)
 
     def state(self) -> State:
-        """Places are those of now; forces those of the last solver step."""
+        """Return the state; positions are current, forces are those of the last solver step."""
         hand, joints = self.scene.hand, self.client.getJointStates(self.hand, self._joints)
         q, qd, torque = (np.array([row[column] for row in joints]) for column in (0, 1, 3))
         links = [(np.array(row[4]), row[5]) for row in self.client.getLinkStates(self.hand, self._seen, computeForwardKinematics=1)]
@@ -122,8 +122,9 @@ class BulletWorld:
             velocity=np.array(velocity), spin=np.array(spin), force=force, penetration_m=deepest, contacts=count)  # fmt: skip
 
     def save(self) -> Saved:
-        """All that the next step depends on; the engine keeps it until the world is closed. What it remembers of shapes that are
-        near each other is not in it, so the world forgets that now, as `restore` does.
+        """Save all that the next step depends on; the engine keeps it until the world is closed.
+
+        The engine's cache of near shapes is not part of it, so the world drops that cache now, as `restore` does.
         """
         efforts = self._wrench.efforts if self._wrench else None
         token = Saved(int(self.client.saveState()), self._force, self._left, self.state(), efforts)
@@ -131,11 +132,11 @@ class BulletWorld:
         return token
 
     def restore(self, token: Saved) -> State:
-        """Back to that moment."""
+        """Restore a saved state."""
         self._forget()
         self.client.restoreState(stateId=token.number)
         self.client.performCollisionDetection()
-        self.client.restoreState(stateId=token.number)  # points of contact are put where there are pairs
+        self.client.restoreState(stateId=token.number)  # contact points are restored only where pairs exist
         self._force, self._left = token.force, token.steps_left
         if self._wrench and token.efforts is not None:
             self._wrench.efforts = token.efforts
@@ -146,7 +147,7 @@ class BulletWorld:
         self.client.close()
 
     def _forget(self) -> None:
-        """New places in the broad phase: pairs of near shapes go, and with them the axes that the narrow phase starts from."""
+        """Reset the broad phase: cached pairs of near shapes, and the axes from which the narrow phase starts, are dropped."""
         for link in range(self.client.getNumJoints(self.hand)):
             self.client.setCollisionFilterGroupMask(self.hand, link, *EVERYTHING)
         self.client.setCollisionFilterGroupMask(self.object, -1, *EVERYTHING)
@@ -167,20 +168,23 @@ class BulletWorld:
         self._left -= 1
 
     def _body(self) -> np.ndarray:
-        """(7,) pose of the object's frame; the engine has that of its principal axes."""
+        """Return the (7,) pose of the object's frame; the engine stores that of the principal axes."""
         centre, turn = self.client.getBasePositionAndOrientation(self.object)
         own = quaternion_product(np.array(turn), quaternion_inverse(self._inertial))
         return np.concatenate([np.array(centre) - quaternion_matrix(own) @ self.scene.body.com_m, own])
 
     def _touching(self, body: np.ndarray) -> tuple[np.ndarray, float, int]:
-        """(fingers + 1, parts) newtons, depth of the deepest contact, number of contacts: of the hand with the object."""
+        """Measure contacts of the hand with the object.
+
+        (fingers + 1, parts) newtons, depth of the deepest contact, number of contacts.
+        """
         force = np.zeros((len(self.scene.hand.fingers.name) + 1, len(self.scene.body.parts)))
         found = [c for c in self.client.getContactPoints(self.hand, self.object) if c[8] <= 0 or c[9] > 0]
         if not found:
             return force, 0.0, 0
         spots = (np.array([c[6] for c in found]) - body[:3]) @ quaternion_matrix(body[3:])
-        beside = np.abs([(spots @ planes[:, :3].T + planes[:, 3]).max(axis=1) for planes in self._planes])
-        parts = self.scene.body.hull_part[beside.argmin(axis=0)]
+        distance = np.abs([(spots @ planes[:, :3].T + planes[:, 3]).max(axis=1) for planes in self._planes])
+        parts = self.scene.body.hull_part[distance.argmin(axis=0)]
         np.add.at(force, ([self._finger[c[3]] for c in found], parts), [c[9] for c in found])
         return force, max(0.0, -min(c[8] for c in found)), len(found)
 
@@ -188,10 +192,10 @@ class BulletWorld:
 class _Wrench:
     """Forces on the gantry's joints, and the weight of the object."""
 
-    def __init__(self, client: Client, scene: Scene, hand: int, joints: list[int], thing: int) -> None:
-        self.client, self.hand, self.joints, self.object = client, hand, joints, thing
+    def __init__(self, client: Client, scene: Scene, hand: int, joints: list[int], body: int) -> None:
+        self.client, self.hand, self.joints, self.object = client, hand, joints, body
         self.efforts = np.zeros(6)
-        self._weight = (0.0, 0.0, -scene.physics.gravity_m_s2 * float(client.getDynamicsInfo(thing, -1)[0]))
+        self._weight = (0.0, 0.0, -scene.physics.gravity_m_s2 * float(client.getDynamicsInfo(body, -1)[0]))
         moves = sum(client.getJointInfo(hand, k)[3] >= 0 for k in range(client.getNumJoints(hand)))
         inertia = np.array(client.calculateMassMatrix(hand, [0.0] * moves))
         self._drag = scene.physics.drag_1_s * inertia.diagonal()[:6]
@@ -200,8 +204,9 @@ class _Wrench:
             client.setJointMotorControl2(hand, joint, client.VELOCITY_CONTROL, force=0.0)
 
     def apply(self) -> None:
-        """For one step of the solver. Drag is that of the speed after the step, as if the inertia were that at 0, so that it
-        does not overshoot.
+        """Apply the forces for one solver step.
+
+        Drag uses the speed after the step and the inertia at q = 0, so that it does not overshoot.
         """
         speed = np.array([row[1] for row in self.client.getJointStates(self.hand, self.joints)])
         forces = (self.efforts - self._drag * speed) / self._slowed
@@ -211,7 +216,7 @@ class _Wrench:
 
 
 def _settings(client: Client, scene: Scene) -> None:
-    """Where the hand has no weight, nothing has, and the object is given its own at every step."""
+    """Set up the engine; with a weightless hand, gravity is 0 and the object's weight is applied at every step."""
     physics = scene.physics
     client.setTimeStep(1.0 / physics.rate_hz)
     client.setGravity(0.0, 0.0, 0.0 if scene.wrist == "wrench" else -physics.gravity_m_s2)
@@ -226,7 +231,7 @@ def _table(client: Client, physics: Physics) -> int:
 
 
 def _object(client: Client, scene: Scene, folder: Path) -> int:
-    """The friction of a contact is the product of both bodies', so the object's is 1."""
+    """Load the object; the friction of a contact is the product of both bodies', so the object's is 1."""
     path, physics = save_object(scene.body, folder), scene.physics
     body = int(client.loadURDF(str(path), flags=client.URDF_USE_INERTIA_FROM_FILE))
     info = client.getDynamicsInfo(body, -1)
@@ -264,12 +269,15 @@ def _gear(client: Client, scene: Scene, body: int, driver: int, follower: int, j
 
 
 def _numbers(client: Client, body: int) -> dict[str, int]:
-    """The engine's number of each joint, which is also that of the link it carries."""
+    """Map joint names to the engine's joint numbers, which are also those of the carried links."""
     return {client.getJointInfo(body, k)[1].decode(): k for k in range(client.getNumJoints(body))}
 
 
 def save_object(body: GraspObject, folder: Path) -> Path:
-    """Write `object.urdf` and its hulls; mass and inertia are those of the object, about its centre of mass."""
+    """Write an object as `object.urdf` with one mesh for each hull.
+
+    Mass and inertia are those of the object, about its centre of mass.
+    """
     robot = Xml.Element("robot", name="object")
     link = Xml.SubElement(robot, "link", name="object")
     inertial = Xml.SubElement(link, "inertial")

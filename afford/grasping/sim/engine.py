@@ -1,8 +1,8 @@
-"""One world, whichever engine computes it. Metres, seconds, newtons; poses are (7,): x y z, then quaternion x y z w.
+"""Interface of one physics world, for every engine. Units: metres, seconds, newtons; poses are (7,): x y z, quaternion x y z w.
 
-q (d,) and qd (d,) are the joints of the hand that move, in the order of its table; a command u (m,) is a target for each joint that
-has a motor, wrist first (hand/coupling.py); for the wrist a force or torque where the scene says wrist=wrench. Table top is
-z = 0; the gantry's base stands at the origin.
+q (d,) and qd (d,) are the joints of the hand that move, in the order of its table. A command u (m,) is a target for each joint
+that has a motor, wrist first (hand/kinematics.py); with wrist=wrench, the wrist takes forces and torques. The table top is z = 0;
+the base of the gantry is at the origin.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from afford.common.registry import load
 from afford.grasping.sim.scene import Scene
 
 CONTROL_S = 0.05
-"""a control step: 20 commands a second"""
+"""control step: 20 commands a second"""
 BACKENDS = {
     "mujoco": "afford.grasping.sim.mujoco_world:MujocoWorld",
     "bullet": "afford.grasping.sim.bullet_world:BulletWorld",
@@ -26,14 +26,14 @@ BACKENDS = {
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """What is known of a world after a step. Everything is a copy."""
+    """State of a world after a step; all arrays are copies."""
 
     q: np.ndarray
     """(d,) rad, m"""
     qd: np.ndarray
     """(d,) rad/s, m/s"""
     torque: np.ndarray
-    """(m,) of the motors, N m (N where a joint slides)"""
+    """(m,) of the motors, N m, or N for prismatic joints"""
     tips: np.ndarray
     """(f, 3) fingertips, thumb first"""
     palm: np.ndarray
@@ -43,54 +43,54 @@ class State:
     velocity: np.ndarray
     """(3,) of the object's centre of mass, m/s"""
     spin: np.ndarray
-    """(3,) of the object, rad/s, along the axes of the world"""
+    """(3,) angular velocity of the object, rad/s, in world axes"""
     force: np.ndarray
-    """(f + 1, p) newtons that each finger, and last the rest of the hand, press on each part with"""
+    """(f + 1, p) newtons of each finger, and last of the rest of the hand, on each part"""
     penetration_m: float
     """of the deepest contact between hand and object, 0 when none"""
     contacts: int
-    """points where hand and object touch"""
+    """number of contact points between hand and object"""
 
 
 class World(Protocol):
-    """One hand, one object, one table."""
+    """World of one hand, one object and one table."""
 
     def reset(self, q: np.ndarray, body: np.ndarray) -> State:
-        """Put the joints at q (d,) and the object's frame at the pose (7,), at rest; forget pushes."""
+        """Set the joints to q (d,) and the object's frame to the pose (7,), at rest, and cancel pushes."""
 
     def step(self, u: np.ndarray, control_s: float) -> State:
-        """Let the motors follow targets u (m,) for a time, a whole number of solver steps."""
+        """Advance by control_s, a whole number of solver steps, while the motors follow targets u (m,)."""
 
     def push(self, force: np.ndarray, duration_s: float) -> None:
-        """From now on, and for a time, a force (3,) acts on the object's centre of mass."""
+        """Apply a force (3,) to the object's centre of mass for duration_s, from now on."""
 
     def state(self) -> State:
-        """What is known now."""
+        """Return the current state."""
 
     def save(self) -> Any:
-        """Everything that the next step depends on."""
+        """Return a token of all that the next step depends on."""
 
     def restore(self, token: Any) -> State:
-        """Back to what was saved in this world: it goes on as it did then, to the bit."""
+        """Restore a token of this world; simulation then continues with the same bits."""
 
     def close(self) -> None:
-        """Give the engine back; closing twice is harmless."""
+        """Release the engine; closing twice is allowed."""
 
 
 def make_world(engine: str, scene: Scene) -> World:
-    """A world of this engine; ValueError lists the engines."""
-    made: Callable[[Scene], World] = load(BACKENDS, engine)
-    return made(scene)
+    """Create a world of an engine; ValueError lists the engines."""
+    create: Callable[[Scene], World] = load(BACKENDS, engine)
+    return create(scene)
 
 
 def check_stage_engine(engine: str) -> None:
-    """ValueError for an engine that stages must not compute with: those of extras, whose versions are in no key."""
+    """Raise ValueError for an engine of an extra: its version is in no key, so stages must not use it."""
     if engine not in BACKENDS:
-        raise ValueError(f"engine: expected {' or '.join(BACKENDS)}, got {engine!r}; environments may have others, stages may not")
+        raise ValueError(f"engine: expected {' or '.join(BACKENDS)}, got {engine!r}; only environments may use other engines")
 
 
 def solver_steps(control_s: float, rate_hz: int) -> int:
-    """How many solver steps make a control step; ValueError when it is not a whole number above zero."""
+    """Return the number of solver steps in a control step; ValueError when it is not a whole number above zero."""
     count = round(control_s * rate_hz)
     if count < 1 or abs(count - control_s * rate_hz) > 1e-6:
         raise ValueError(f"control_s: expected a multiple of 1/{rate_hz} s, got {control_s}")
@@ -98,7 +98,7 @@ def solver_steps(control_s: float, rate_hz: int) -> int:
 
 
 def finite_vector(name: str, found: np.ndarray, size: int) -> np.ndarray:
-    """(size,) float64, finite; ValueError otherwise."""
+    """Return (size,) finite float64; ValueError otherwise."""
     out = np.asarray(found, np.float64)
     if out.shape != (size,):
         raise ValueError(f"{name}: expected {size} numbers, got shape {out.shape}")

@@ -1,4 +1,9 @@
-"""A mesh and its parts -> what physics and grasping need of it: hulls, mass, inertia, points."""
+"""Physics model of an object from a mesh and its parts: convex hulls, mass, inertia and surface points.
+
+Convex decomposition: the least convex piece is cut in two by a plane until every piece is convex enough. A piece never spans two
+parts. Pieces are open surfaces, which is enough: the hull of a solid cut by a plane is the hull of its cut surface. The concavity
+of a piece is measured in metres: how far the surface of its hull stands out of the whole body (compare CoACD, arXiv 2205.02961).
+"""
 
 from __future__ import annotations
 
@@ -17,14 +22,14 @@ from schemas.mesh import MeshParts, ObjectMesh
 
 UNNAMED = "unnamed"
 SURPLUS = 4
-"""points drawn for each that is kept, so that those kept are even"""
+"""points drawn for each point kept, for even spacing"""
 
 
 def grasp_object(mesh: ObjectMesh, parts: MeshParts, density_kg_m3: float, tolerance_m: float, hulls: int, hull_corners: int,
                  points: int, seed: int) -> GraspObject:  # fmt: skip
-    """The object; ValueError when it has no faces, no volume, or more parts than hulls."""
+    """Build the object; ValueError when it has no faces, no volume, or more parts than hulls."""
     if not len(mesh.faces):
-        raise ValueError(f"{mesh.name}: expected a mesh with faces, got none; read or build it again")
+        raise ValueError(f"{mesh.name}: expected a mesh with faces, got an empty one; read or build it again")
     vertices, names, part = mesh.vertices.astype(np.float64), *_named(parts)
     solid = trimesh.Trimesh(vertices, mesh.faces, process=False)
     pieces = convex_decomposition(solid, part, tolerance_m, hulls)
@@ -43,14 +48,14 @@ def grasp_object(mesh: ObjectMesh, parts: MeshParts, density_kg_m3: float, toler
 
 
 def _named(parts: MeshParts) -> tuple[tuple[str, ...], np.ndarray]:
-    """Names, and the index of each face's; faces without one are a part of their own."""
+    """Return names of parts and the part of each face; faces without a part form a part of their own."""
     if (parts.part >= 0).all():
         return parts.names, parts.part
     return (*parts.names, UNNAMED), np.where(parts.part < 0, len(parts.names), parts.part)
 
 
 def _mass(solids: Sequence[trimesh.Trimesh], density_kg_m3: float) -> tuple[float, np.ndarray, np.ndarray]:
-    """Mass, its centre and the inertia about it, of several closed bodies together."""
+    """Compute mass, centre of mass and the inertia about it, for several closed bodies together."""
     mass = np.array([body.volume * density_kg_m3 for body in solids])
     centres = np.array([body.center_mass for body in solids])
     com = mass @ centres / max(mass.sum(), 1e-30)
@@ -67,21 +72,21 @@ def _points(solid: trimesh.Trimesh, count: int, seed: int) -> tuple[np.ndarray, 
 
 
 OFFSETS = (0.2, 0.35, 0.5, 0.65, 0.8)
-"""where a cut is tried, as a share of the piece's extent"""
+"""cuts to try, as shares of the piece's extent"""
 THIN_M = 2e-4
-"""what is flatter than this is made as thick"""
+"""flatter pieces are thickened to this"""
 RAYS = np.array([[0.44, 0.62, 0.65], [-0.71, 0.29, 0.64], [0.13, -0.83, -0.54]])
-"""directions, along no edge of anything"""
+"""directions that are parallel to no edge of usual objects"""
 PROBES = 200
 """points on a hull that are measured against the body"""
 DIGITS = 9
 EXACT_M = 1e-4
-"""corners of a hull that stand out of the others by less are left away"""
+"""hull corners that stand out of the hull of the others by less are dropped"""
 
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """Triangles of one part and the hull around them."""
+    """Triangles of one part and their convex hull."""
 
     part: int
     vertices: np.ndarray
@@ -94,8 +99,10 @@ class Piece:
 
 
 def convex_decomposition(solid: trimesh.Trimesh, part: np.ndarray, tolerance_m: float, most: int) -> list[Piece]:
-    """Pieces of a mesh whose faces have a part (f,) each, ordered by part; hulls stand out by `tolerance_m` at most, unless there
-    would be more than `most`. ValueError when there are more parts than that.
+    """Decompose a mesh, whose faces (f,) have parts, into pieces ordered by part.
+
+    Hulls stand out of the body by `tolerance_m` at most, unless there would be more than `most`. ValueError when the object has
+    more parts than `most`.
     """
     present = np.unique(part)
     if len(present) > most:
@@ -117,8 +124,10 @@ def convex_decomposition(solid: trimesh.Trimesh, part: np.ndarray, tolerance_m: 
 
 
 def simplified_corners(piece: Piece, most: int) -> np.ndarray:
-    """(k, 3) corners of its hull, k <= most: each was chosen as the farthest from the hull of those before it. To a nanometre: sums
-    of linear algebra differ beyond that with where arrays lie in memory.
+    """Simplify a hull to at most `most` corners, (k, 3).
+
+    Each next corner is the farthest from the hull of those before it. Results are rounded to a nanometre, because sums of linear
+    algebra differ below that with memory alignment.
     """
     points = piece.hull.points[piece.hull.vertices]
     ends = [int(points[:, axis].argmin()) for axis in range(3)] + [int(points[:, axis].argmax()) for axis in range(3)]
@@ -135,7 +144,7 @@ def simplified_corners(piece: Piece, most: int) -> np.ndarray:
 
 
 def _spread(points: np.ndarray) -> list[int]:
-    """Four corners that hold a volume, so that the first hull has one."""
+    """Choose four corners that span a volume, so that the first hull has one."""
     a = int((points @ (1.0, 0.7, 0.4)).argmin())
     b = int(np.linalg.norm(points - points[a], axis=1).argmax())
     side = np.cross(points - points[a], points[b] - points[a])
@@ -144,8 +153,9 @@ def _spread(points: np.ndarray) -> list[int]:
 
 
 def inside(solid: trimesh.Trimesh, points: np.ndarray) -> np.ndarray:
-    """(n,) bool: whether two of three rays from each of (n, 3) points cross the surface an odd number of times. (What trimesh calls
-    `contains` draws a direction from numpy's random state.)
+    """Test (n, 3) points for being inside a body, (n,) bool: two of three rays must cross the surface an odd number of times.
+
+    trimesh's `contains` is not used, because it draws a direction from numpy's global random state.
     """
     odd = np.zeros(len(points), int)
     for direction in RAYS:
@@ -156,7 +166,7 @@ def inside(solid: trimesh.Trimesh, points: np.ndarray) -> np.ndarray:
 
 
 def _measure(solid: trimesh.Trimesh) -> Callable[[ConvexHull], float]:
-    """How far the surface of a hull stands out of a body: 95th percentile, and nothing inside it."""
+    """Return a function that measures how far a hull stands out of a body: 95th percentile over the hull, 0 inside the body."""
     nearest = NearestSurface(solid.vertices, solid.faces)
 
     def stand_out_m(hull: ConvexHull) -> float:
@@ -177,7 +187,7 @@ def _piece(part: int, vertices: np.ndarray, faces: np.ndarray, measure: Callable
 
 
 def _thick(points: np.ndarray) -> np.ndarray:
-    """The points, doubled along the direction in which they are flat."""
+    """Return the points, doubled along the direction in which they are flat."""
     _, _, axes = np.linalg.svd(points - points.mean(0), full_matrices=len(points) < 3)
     heights = (points - points.mean(0)) @ axes[-1]
     if np.ptp(heights) > THIN_M:
@@ -186,7 +196,7 @@ def _thick(points: np.ndarray) -> np.ndarray:
 
 
 def _cut(piece: Piece, measure: Callable[[ConvexHull], float]) -> tuple[Piece, ...]:
-    """Two pieces, cut where their hulls are smallest and roundest; none where no cut leaves two."""
+    """Cut a piece in two where the hulls are smallest and roundest; () when no cut leaves two pieces."""
     own = np.linalg.svd(piece.vertices - piece.vertices.mean(0), full_matrices=False)[2]
     axes = np.concatenate([np.eye(3), own.round(DIGITS)])
     heights = piece.vertices @ axes.T
@@ -202,8 +212,9 @@ def _cut(piece: Piece, measure: Callable[[ConvexHull], float]) -> tuple[Piece, .
 
 
 def _bulk(piece: Piece, axis: np.ndarray, offset: float) -> float:
-    """Volume of the hulls on both sides of a plane, each times its length; infinite when one is empty. Volume alone sees no gain in
-    cutting a ring in two, which is how it is cut in four.
+    """Score a cut: the volume of each side's hull times its length, summed; infinite when a side is empty.
+
+    Volume alone sees no gain in cutting a ring in two, which is the way to cut it in four.
     """
     height = piece.vertices @ axis - offset
     edges = np.concatenate([piece.faces[:, [0, 1]], piece.faces[:, [1, 2]], piece.faces[:, [2, 0]]])

@@ -1,8 +1,8 @@
-"""A world on MuJoCo. Apart from the reader of its models, the only importer of mujoco.
+"""A world in MuJoCo. Only this module and the reader of MJCF import mujoco.
 
-The hand's URDF is read by MuJoCo itself, which turns `<mimic>` into equality constraints. Motors are position servos without
-overshoot: force = k (target - q) - k response_s qd, cut off at the motor's effort. Newton's solver, elliptic cones, damping taken
-implicitly. A wrist that takes forces has plain motors, no weight, and drag as damping of its joints.
+MuJoCo reads the hand's URDF itself and turns `<mimic>` into equality constraints. Motors are overdamped position servos: force = k
+(target - q) - k response_s qd, clipped at the motor's effort. Newton's solver, elliptic cones, implicit damping. A wrist that
+takes forces has plain motors, no weight, and drag as joint damping.
 """
 
 from __future__ import annotations
@@ -22,26 +22,25 @@ from schemas.hand import HandModel
 
 HAND, OBJECT, TABLE = 1, 2, 4
 YIELD_RAD, YIELD_M = 0.1, 0.02
-"""how far from its target a motor gives its full effort"""
+"""distance from its target at which a motor reaches its full effort"""
 CONTACT_SOLIMP = (0.95, 0.99, 0.001, 0.5, 2.0)
 ARMATURE_KGM2 = 3e-4
-"""of the motors of fingers, which a URDF cannot say; without it their light links tremble at their limits"""
+"""of finger motors; a URDF cannot state it, and light links tremble at their limits without it"""
 COUPLING_SOLIMP = (0.99, 0.999, 0.001, 0.5, 2.0)
 IMPRATIO = 3.0
-"""friction is this much stiffer than the normal direction, or what is held creeps"""
+"""stiffness of friction relative to the normal direction; held objects creep at lower values"""
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 LOST = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
-"""warnings after which MuJoCo has begun again by itself"""
+"""warnings after which MuJoCo has reset itself"""
 FASTEST = 100.0
-"""rad/s and m/s: nothing is faster after a step, as in Bullet; a motor at its full effort drives a joint without a load beyond all
-bounds"""
+"""speed limit after a step, rad/s and m/s, as in Bullet; an unloaded joint at full effort would exceed all bounds"""
 FINER = 8
-"""smaller steps in place of one that diverges"""
+"""smaller steps that replace a diverging step"""
 
 
 @dataclass(frozen=True, eq=False)
 class Saved:
-    """A moment."""
+    """Saved state of a world."""
 
     numbers: np.ndarray
     force: np.ndarray
@@ -50,7 +49,7 @@ class Saved:
 
 
 class MujocoWorld:
-    """See afford.grasping.sim.engine.World."""
+    """MuJoCo world; see afford.grasping.sim.engine.World."""
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
@@ -69,7 +68,7 @@ class MujocoWorld:
         self._pushed = self._data.xfrc_applied[self._object, :3]
 
     def reset(self, q: np.ndarray, body: np.ndarray) -> State:
-        """At rest, joints at q, motors holding them there."""
+        """Reset to rest, joints at q, motors holding them."""
         q, pose = finite_vector("reset, q", q, len(self._q)), finite_vector("reset, body", body, 7)
         mujoco.mj_resetData(self.model, self._data)
         self._data.qpos[self._q] = q
@@ -80,7 +79,7 @@ class MujocoWorld:
         return self.state()
 
     def step(self, u: np.ndarray, control_s: float) -> State:
-        """Motors follow u, cut to the limits of their joints."""
+        """Advance while the motors follow u, clipped to the limits of their joints."""
         u, count = finite_vector("step, u", u, len(self._motors)), solver_steps(control_s, self.scene.physics.rate_hz)
         self._data.ctrl[self._motors] = u.clip(*self._limits.T)
         for _ in range(count):
@@ -91,8 +90,10 @@ class MujocoWorld:
         return self.state()
 
     def _advance(self) -> None:
-        """One step of the solver. Newton on a sparse Jacobian takes half the time, but once in many thousand steps it comes to
-        nothing where contacts slide; that step is then taken anew on a dense one, and where that diverges too, in smaller ones.
+        """Run one solver step, and retry it when it diverges.
+
+        Newton on a sparse Jacobian takes half the time, but about once in many thousand steps it fails where contacts slide. That
+        step is retried with a dense Jacobian, and if it diverges again, in smaller steps.
         """
         mujoco.mj_getState(self.model, self._data, self._before, STATE)
         if self._moved() and max(self._took[: max(1, self._data.nisland)].tolist()) < self.scene.physics.iterations:
@@ -101,11 +102,11 @@ class MujocoWorld:
         done = self._again() or self._again(FINER)
         self.model.opt.jacobian = mujoco.mjtJacobian.mjJAC_SPARSE
         if not done:
-            raise RuntimeError(f"{self.scene.body.name}: MuJoCo diverged and began again; more iterations than "
+            raise RuntimeError(f"{self.scene.body.name}: MuJoCo diverged and reset itself; more iterations than "
                                f"{self.scene.physics.iterations} or a rate above {self.scene.physics.rate_hz} Hz are needed")
 
     def _again(self, parts: int = 1) -> bool:
-        """The step once more, in equal parts."""
+        """Retry the step in equal parts."""
         for warning in self._lost:
             warning.number = 0
         mujoco.mj_setState(self.model, self._data, self._before, STATE)
@@ -115,7 +116,7 @@ class MujocoWorld:
         return done
 
     def _moved(self) -> bool:
-        """Whether a step was taken, and MuJoCo did not begin again."""
+        """Run mj_step; false when MuJoCo reset itself."""
         mujoco.mj_step(self.model, self._data)
         np.minimum(self._speed, self._fastest, out=self._speed)
         np.maximum(self._speed, self._slowest, out=self._speed)
@@ -123,11 +124,11 @@ class MujocoWorld:
         return not (position.number or speed.number or acceleration.number)
 
     def push(self, force: np.ndarray, duration_s: float) -> None:
-        """A force on the object for a time."""
+        """Apply a force to the object for a time."""
         self._force, self._left = finite_vector("push, force", force, 3), round(duration_s * self.scene.physics.rate_hz)
 
     def state(self) -> State:
-        """Places are those of now; forces those of the last solver step."""
+        """Return the state; positions are current, forces are those of the last solver step."""
         d, hand = self._data, self.scene.hand
         T = np.zeros((1, len(self._links), 4, 4))
         T[0, :, :3, :3], T[0, :, :3, 3] = d.xmat[self._links].reshape(-1, 3, 3), d.xpos[self._links]
@@ -143,26 +144,29 @@ class MujocoWorld:
             penetration_m=deepest, contacts=count)  # fmt: skip
 
     def save(self) -> Saved:
-        """All that the next step depends on."""
+        """Save all that the next step depends on."""
         numbers = np.empty_like(self._before)
         mujoco.mj_getState(self.model, self._data, numbers, STATE)
         return Saved(numbers, self._force, self._left, self.state())
 
     def restore(self, token: Saved) -> State:
-        """Back to that moment."""
+        """Restore a saved state."""
         mujoco.mj_setState(self.model, self._data, token.numbers, STATE)
         mujoco.mj_kinematics(self.model, self._data)
         self._force, self._left = token.force, token.steps_left
         return token.state
 
     def close(self) -> None:
-        """Nothing is held that the garbage collector does not give back."""
+        """Do nothing: garbage collection frees the engine."""
 
     def _pose(self, body: int) -> np.ndarray:
         return np.concatenate([self._data.xpos[body], self._data.xquat[body][[1, 2, 3, 0]]])
 
     def _touching(self) -> tuple[np.ndarray, float, int]:
-        """(fingers + 1, parts) newtons, depth of the deepest contact, number of contacts: of the hand with the object."""
+        """Measure contacts of the hand with the object.
+
+        (fingers + 1, parts) newtons, depth of the deepest contact, number of contacts.
+        """
         contact = self._data.contact
         force = np.zeros((len(self.scene.hand.fingers.name) + 1, len(self.scene.body.parts)))
         if not len(contact):
@@ -178,7 +182,7 @@ class MujocoWorld:
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Where the numbers of a scene stand in those of its model."""
+    """Indices of a scene's quantities in its MuJoCo model."""
 
     q: np.ndarray
     """(d,) of qpos: the joints of the hand that move"""
@@ -189,17 +193,17 @@ class Layout:
     links: np.ndarray
     """(l,) bodies of the hand's links"""
     object: int
-    """its body"""
+    """body of the object"""
     free: tuple[int, int]
     """of the object's joint: first of seven in qpos, first of six in qvel"""
     finger: np.ndarray
-    """(g,) finger of each geom, -1 for those that are not of the hand"""
+    """(g,) finger of each geom, -1 for geoms that are not part of the hand"""
     part: np.ndarray
-    """(g,) part of each geom, -1 for those that are not of the object"""
+    """(g,) part of each geom, -1 for geoms that are not part of the object"""
 
 
 def layout(model: mujoco.MjModel, scene: Scene) -> Layout:
-    """Of the model that `compiled` makes of the scene."""
+    """Find the indices in the model of a scene, as `compiled` builds it."""
     joints, names = scene.hand.joints, scene.hand.joints.name
     moves, motors = ([names[k] for k in some] for some in (moving_joints(joints), commanded_joints(joints)))
     free = model.joint("object")
@@ -211,7 +215,7 @@ def layout(model: mujoco.MjModel, scene: Scene) -> Layout:
 
 
 def compiled(scene: Scene) -> mujoco.MjModel:
-    """The model of a scene."""
+    """Compile the model of a scene."""
     physics = scene.physics
     spec = mujoco.MjSpec.from_string(scene.hand.urdf, assets=files_of(scene.hand))
     spec.compiler.fusestatic = False
@@ -229,7 +233,11 @@ def compiled(scene: Scene) -> mujoco.MjModel:
 
 
 def _hand(spec: mujoco.MjSpec, scene: Scene) -> None:
-    """Shapes that touch the object and the table, and each other where the hand says so; a motor for each joint that has one."""
+    """Set up the hand: contacts, couplings and motors.
+
+    Shapes touch the object and the table, and each other for the pairs that the hand lists. Every joint with a motor gets an
+    actuator.
+    """
     hand, stiff = scene.hand, (2.0 / scene.physics.rate_hz, 1.0)
     for equality in spec.equalities:
         equality.solref[:], equality.solimp[:] = stiff, COUPLING_SOLIMP
@@ -253,7 +261,7 @@ def _hand(spec: mujoco.MjSpec, scene: Scene) -> None:
 
 
 def _drag(model: mujoco.MjModel, scene: Scene) -> None:
-    """Of the gantry's joints: the rate times the inertia that each carries when all joints are at 0."""
+    """Set the drag of the gantry's joints: the rate times the inertia that each joint carries at q = 0."""
     data, inertia = mujoco.MjData(model), np.empty((model.nv, model.nv))
     data.qpos[:] = model.qpos0
     mujoco.mj_forward(model, data)
@@ -289,7 +297,7 @@ def _table(spec: mujoco.MjSpec, scene: Scene) -> None:
 
 
 def _object(spec: mujoco.MjSpec, scene: Scene) -> None:
-    """One geom for each hull."""
+    """Add the object with one geom for each hull."""
     found, scale = scene.body, scene.physics.mass_scale
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = found.inertia_kgm2 * scale
     body = spec.worldbody.add_body(name="object", mass=found.mass_kg * scale, ipos=found.com_m,
@@ -303,7 +311,7 @@ def _object(spec: mujoco.MjSpec, scene: Scene) -> None:
 
 
 def _owners(model: mujoco.MjModel, hand: HandModel, body: GraspObject) -> tuple[np.ndarray, np.ndarray]:
-    """(g,) finger of each geom and (g,) part of each geom, -1 for the others."""
+    """Return (g,) finger and (g,) part of each geom, -1 for other geoms."""
     finger, part = np.full(model.ngeom, -1), np.full(model.ngeom, -1)
     of_link = finger_of_link(hand)
     for link, name in enumerate(hand.links):

@@ -1,4 +1,4 @@
-"""Where an object lies when it was put down, or dropped: any way up, from a hand's breadth above the table, as in AffordDex."""
+"""Rest poses of an object that is placed upright, or dropped in any orientation from a hand's breadth, as in AffordDex."""
 
 from __future__ import annotations
 
@@ -12,55 +12,57 @@ from afford.grasping.sim.engine import CONTROL_S, State, World
 from afford.grasping.sim.scene import Scene, hold_command
 
 GAP_M = 0.05
-"""between the table and the lowest point at first"""
+"""initial gap between the table and the lowest point"""
 LAID_M = 0.001
-"""the same of what is put down"""
+"""the same gap for an object that is placed"""
 TRIES = 4
-"""drops for each pose that is wanted, at most"""
+"""drops for each wanted pose, at most"""
 SPEED_M_S, SPIN_RAD_S = 0.01, 0.1
 STILL = 6
-"""at rest below these speeds for so many control steps: what rocks is slow where it turns back"""
+"""an object rests below these speeds for so many control steps; a rocking object is slow only where it turns back"""
 MOST_S = 6.0
-"""to come to rest in: what is round rolls first"""
+"""time to come to rest; round objects roll first"""
 ROCKS, ROCKS_M, ROCKS_RAD = 20, 0.003, 0.05
-"""also at rest is what has stayed so near to one pose for so many control steps: thin hulls tremble on a table in PyBullet"""
+"""an object also rests when it stays this near to one pose for so many control steps: thin hulls tremble in PyBullet"""
 
 
 def dropped_rest_pose(world: World, scene: Scene, seed: int, reach_m: float = 0.05, most_s: float = MOST_S) -> np.ndarray:
-    """(7,) pose at rest, about the origin within `reach_m` at first; the same seed and world give the same pose. The hand stays
-    away. ValueError when it has not come to rest after `most_s`, as a thing that rolls.
+    """Return the (7,) pose at rest of a dropped object, which starts within `reach_m` of the origin.
+
+    The hand is parked. The same seed and world give the same pose. ValueError when the object still moves after `most_s`.
     """
     found = _settled(world, scene, _thrown(scene, np.random.default_rng(seed), reach_m), most_s)
     if found is None:
-        raise ValueError(f"{scene.body.name}, drop {seed}: expected it to lie still after {most_s} s, got "
+        raise ValueError(f"{scene.body.name}, drop {seed}: expected the object to rest after {most_s} s, got "
                          f"{np.linalg.norm(world.state().velocity):.2f} m/s; take another seed")  # fmt: skip
     return found
 
 
 def placed_rest_pose(world: World, scene: Scene, most_s: float = MOST_S) -> np.ndarray:
-    """(7,) pose at rest of an object that is put down as it was built. ValueError when it rolls or rocks on."""
+    """Return the (7,) pose at rest of an object that is placed upright; ValueError when it keeps rolling or rocking."""
     found = _settled(world, scene, np.array([0.0, 0.0, LAID_M, 0.0, 0.0, 0.0, 1.0]), most_s)
     if found is None:
-        raise ValueError(f"{scene.body.name}: expected it to lie still {most_s} s after it was put down, got "
+        raise ValueError(f"{scene.body.name}: expected the object to rest {most_s} s after it was placed, got "
                          f"{np.linalg.norm(world.state().velocity):.2f} m/s; drop it instead")  # fmt: skip
     return found
 
 
 def dropped_rest_poses(world: World, scene: Scene, seed: int, count: int, most_s: float = MOST_S) -> list[np.ndarray]:
-    """`count` poses (7,) at rest, of the first seeds from `seed` on at which it comes to rest about the origin. ValueError when
-    most do not.
+    """Return `count` poses (7,) at rest, for the first seeds from `seed` at which the object comes to rest at the origin.
+
+    ValueError when most drops do not come to rest.
     """
     thrown = (_thrown(scene, np.random.default_rng(seed + k), 0.0) for k in range(TRIES * count))
     rests = (at for pose in thrown if (at := _settled(world, scene, pose, most_s)) is not None)
     poses = list(islice(rests, count))
     if len(poses) < count:
-        raise ValueError(f"{scene.body.name}: expected {count} of {TRIES * count} drops to lie still after {most_s} s, "
+        raise ValueError(f"{scene.body.name}: expected {count} of {TRIES * count} drops to come to rest within {most_s} s, "
                          f"got {len(poses)}")
     return poses
 
 
 def _settled(world: World, scene: Scene, pose: np.ndarray, most_s: float) -> np.ndarray | None:
-    """(7,) where it lies, None when it has not come to rest."""
+    """Return the (7,) pose at rest, None when the object does not come to rest."""
     q = parked_joints(scene)
     stay = hold_command(scene, q)
     world.reset(q, pose)
@@ -75,7 +77,7 @@ def _settled(world: World, scene: Scene, pose: np.ndarray, most_s: float) -> np.
 
 
 def parked_joints(scene: Scene) -> np.ndarray:
-    """(d,) joints of an open hand that is out of the way."""
+    """Return the (d,) joints of an open hand away from the object."""
     q = np.zeros(len(moving_joints(scene.hand.joints)))
     q[:3] = 0.0, 1.0, 0.8
     return q
@@ -89,7 +91,7 @@ def _thrown(scene: Scene, rng: np.random.Generator, reach_m: float) -> np.ndarra
 
 
 def _rocks(poses: np.ndarray) -> bool:
-    """Whether (k, 7) poses are all near the last one."""
+    """Return true when poses (k, 7) are all near the last one."""
     turned = (Rotation.from_quat(poses[:, 3:]) * Rotation.from_quat(poses[-1, 3:]).inv()).magnitude()
     moved = np.linalg.norm(poses[:, :3] - poses[-1, :3], axis=1)
     return bool(len(poses) == ROCKS and moved.max() < ROCKS_M and turned.max() < ROCKS_RAD)

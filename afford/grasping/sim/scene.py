@@ -1,4 +1,4 @@
-"""What an engine is given: a hand on its gantry, an object, a table, and every number that physics needs. Table top: z = 0."""
+"""Description of a world: a hand on its gantry, an object, a table at z = 0, and all parameters of physics."""
 
 from __future__ import annotations
 
@@ -16,42 +16,42 @@ from schemas.hand import HandModel
 
 @dataclass(frozen=True)
 class Physics:
-    """How the world behaves and how carefully it is computed."""
+    """Parameters of physics and of its solver."""
 
     rate_hz: int = 240
-    """steps of the solver a second"""
+    """solver steps a second"""
     iterations: int = 50
-    """of the solver in each step: PyBullet always takes them all, MuJoCo stops when it has converged"""
+    """of the solver in each step: PyBullet always runs them all, MuJoCo stops at convergence"""
     gravity_m_s2: float = 9.81
     hand_friction: float = 1.0
-    """Coulomb's coefficient between hand and object"""
+    """Coulomb coefficient between hand and object"""
     table_friction: float = 0.7
     """between object and table"""
     spin_friction_m: float = 0.003
-    """torque about the normal of a contact for each newton: a soft fingertip is a patch, not a point"""
+    """torque about a contact normal per newton: a soft fingertip touches with a patch"""
     mass_scale: float = 1.0
-    """times the object's mass and inertia"""
+    """factor of the object's mass and inertia"""
     effort_scale: float = 1.0
-    """times the torques of the fingers' motors"""
+    """factor of the torques of the fingers' motors"""
     response_s: float = 0.02
-    """a motor closes the distance to its target in this time, as far as its torque allows"""
+    """time constant with which a motor approaches its target, as far as its torque allows"""
     drag_1_s: float = 100.0
-    """wrist=wrench: nothing holds the hand, and what moves freely loses speed at this rate; as published for Isaac Gym"""
+    """with wrist=wrench, rate at which the free hand loses speed; as published for Isaac Gym"""
 
 
 STRICT = Physics(rate_hz=480, iterations=100)
-"""the settings under which grasps are judged"""
+"""physics of evaluation"""
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """One world to be."""
+    """Description of one world."""
 
     hand: HandModel
     body: GraspObject
     physics: Physics = field(default_factory=Physics)
     wrist: str = "servo"
-    """what a command is to the gantry's joints: servo, a target; wrench, a force or torque, and then the hand has no weight"""
+    """meaning of commands to the gantry: servo, a target; wrench, a force or torque, and the hand is weightless"""
 
     def __post_init__(self) -> None:
         steps = {f.name: getattr(self.physics, f.name) for f in fields(Physics)}
@@ -68,13 +68,13 @@ class Scene:
 
 
 def hold_command(scene: Scene, q: np.ndarray) -> np.ndarray:
-    """(m,) the command that keeps the hand at joints q (d,): their targets, and no force where a wrist takes forces."""
+    """Return the (m,) command that holds the hand at q (d,): targets, and no force on a wrist that takes forces."""
     u: np.ndarray = q[commanded_columns(scene.hand.joints)]
     return np.concatenate([np.zeros(6), u[6:]]) if scene.wrist == "wrench" else u
 
 
 def scene_limits(scene: Scene) -> np.ndarray:
-    """(m, 2) least and greatest command of each motor: rad or m; N or N m where the wrist takes forces."""
+    """Return the (m, 2) limits of each command: rad or m; N or N m for a wrist that takes forces."""
     limits = command_limits(scene.hand.joints)
     if scene.wrist == "wrench":
         effort = scene.hand.joints.effort[commanded_joints(scene.hand.joints)[:6]]
@@ -84,15 +84,15 @@ def scene_limits(scene: Scene) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Range:
-    """How one number varies between worlds."""
+    """Distribution of one parameter in domain randomization."""
 
     low: float
     high: float
     spread: str = "uniform"
-    """uniform, or log: even in the logarithm, for scales"""
+    """uniform, or log: uniform in the logarithm, for scales"""
 
     def draw(self, rng: np.random.Generator) -> float:
-        """One value; ValueError for a distribution that is not known."""
+        """Draw one value; ValueError for an unknown distribution."""
         if self.spread == "uniform":
             return float(rng.uniform(self.low, self.high))
         if self.spread == "log":
@@ -108,35 +108,38 @@ DOMAIN_RANDOMIZATION: Mapping[str, Range] = {
     "effort_scale": Range(0.8, 1.25, "log"),
     "response_s": Range(0.015, 0.04, "log"),
 }
-"""field of Physics -> how it varies"""
+"""field of Physics -> its distribution"""
 
 
 @dataclass(frozen=True)
 class Sensing:
-    """What lies between a world and a policy; the environment applies it, not the engine."""
+    """Effects between a world and a policy; the environment applies them, not the engine."""
 
     latency_steps: int = 0
-    """control steps by which a command comes late"""
+    """control steps by which commands are delayed"""
 
 
 def centre(body: GraspObject, pose: np.ndarray) -> np.ndarray:
-    """(3,) centre of mass of an object whose frame is at the pose (7,)."""
+    """Return the (3,) centre of mass of an object whose frame is at the pose (7,)."""
     found: np.ndarray = Rotation.from_quat(pose[3:]).apply(np.array(body.com_m)) + pose[:3]
     return found
 
 
 def finger_of_link(hand: HandModel) -> np.ndarray:
-    """(l,) index of the finger that each link belongs to; the number of fingers for the palm and what is before it."""
-    hangs = ancestry(hand.joints)
+    """Return the (l,) finger index of each link; the number of fingers for the palm and the links above it."""
+    descends = ancestry(hand.joints)
     out = np.full(len(hand.links), len(hand.fingers.name))
-    beyond = hangs[:, hand.palm] & (np.arange(len(out)) != hand.palm)
+    beyond = descends[:, hand.palm] & (np.arange(len(out)) != hand.palm)
     for finger, tip in enumerate(hand.fingers.tip_link):
-        out[hangs[tip] & beyond] = finger
+        out[descends[tip] & beyond] = finger
     return out
 
 
 def randomize_physics(scene: Scene, seed: int, ranges: Mapping[str, Range] = DOMAIN_RANDOMIZATION) -> Scene:
-    """The scene with its physics drawn anew; the same seed gives the same scene. ValueError for a name that Physics lacks."""
+    """Draw the physics of a scene (domain randomization); the same seed gives the same scene.
+
+    ValueError for a name that Physics lacks.
+    """
     known = {f.name for f in fields(Physics)}
     if unknown := sorted(set(ranges) - known):
         raise ValueError(f"randomised: expected fields of Physics ({', '.join(sorted(known))}), got {', '.join(unknown)}")
@@ -146,5 +149,5 @@ def randomize_physics(scene: Scene, seed: int, ranges: Mapping[str, Range] = DOM
 
 
 def sensing(seed: int, latency_steps: int = 1) -> Sensing:
-    """Latency from 0 to `latency_steps`; of a stream of its own."""
+    """Draw a latency of 0 to `latency_steps` from a separate random stream."""
     return Sensing(int(np.random.default_rng([seed, 1]).integers(latency_steps + 1)))

@@ -1,7 +1,8 @@
-"""A grasp by script: over a part of an object that lies on the table, down, close, lift, hold. The floor that learning stands on.
+"""Scripted grasp of a part of an object on the table: descend, close, lift, hold. The baseline for learned policies.
 
-The hand comes down over the part's long axis, at the place nearest to the object's centre of mass, thumb towards that centre; the
-palm looks down and sideways. All else is seventeen numbers, found by a search on a few objects (benchmarks/search_grasp.py).
+The hand comes down across the part's long axis, at the place nearest to the object's centre of mass, with the thumb towards that
+centre. The palm faces down and sideways. Seventeen numbers describe the rest; a search on a few objects found them
+(benchmarks/search_grasp.py).
 """
 
 from __future__ import annotations
@@ -21,83 +22,86 @@ SETTLE, DESCEND, CLOSE, LIFT, HOLD = 8, 8, 10, 12, 4
 """control steps of 0.05 s: the object comes to rest, then 0.4 s, 0.5 s, 0.6 s and 0.2 s"""
 ABOVE_M, LIFT_M = 0.12, 0.15
 END_M = 0.04
-"""the aim keeps this far from the ends of the part, or of the object"""
+"""distance of the aim from the ends of the part, or of the object"""
 SLICE_M = 0.025
-"""what is this far along the object, both ways, is grasped with it"""
+"""points within this distance along the object, both ways, are grasped together"""
 NEAR_M = 0.05
-"""held: the object's centre of mass ends this near to its place at rest, lifted by LIFT_M"""
+"""held: the centre of mass ends this near to its rest position lifted by LIFT_M"""
 UP = np.array([0.0, 0.0, 1.0])
 FINGERS, THUMB = ("FF", "MF", "RF", "LF"), ("THJ4", "THJ3", "THJ2", "THJ1", "THJ0")
 
 
 @dataclass(frozen=True)
 class Grasp:
-    """The numbers of a grasp."""
+    """Parameters of the script."""
 
     grip_m: tuple[float, float, float]
-    """the point of the hand, in the frame of its palm, that is brought to the aim"""
+    """point in the palm frame that is brought to the aim"""
     roll_rad: float
-    """how far the fingers point down: pi is straight down"""
+    """tilt of the fingers; pi is straight down"""
     yaw_rad: float
     pitch_rad: float
     open_base_rad: float
-    """J2 of the four fingers on the way down"""
+    """J2 of the four fingers during the descent"""
     open_middle_rad: float
     """J1"""
     open_thumb: float
-    """share of the closed thumb's THJ3 and THJ0 on the way down"""
+    """share of the closed thumb's THJ3 and THJ0 during the descent"""
     base_rad: float
-    """J2 of the four fingers, closed; it is a target: what is in the way holds it off"""
+    """J2 target of the four fingers, closed; contact stops them earlier"""
     middle_rad: float
     thumb_rad: tuple[float, float, float, float, float]
     """THJ4 to THJ0, closed"""
     sink_m: float
-    """how much deeper the wrist goes while closing"""
+    """further descent of the wrist while closing"""
 
 
 GRASP = Grasp(grip_m=(0.0209, -0.0693, 0.1155), roll_rad=1.8787, yaw_rad=0.101, pitch_rad=-0.0298, open_base_rad=0.3564,
               open_middle_rad=0.6395, open_thumb=0.8094, base_rad=0.927, middle_rad=1.1046,
               thumb_rad=(0.4743, 1.2387, 0.0903, 0.1551, -0.7246), sink_m=0.0114)  # fmt: skip
-"""what benchmarks/search_grasp.py printed; MuJoCo's settings have changed a little since, so that a search now ends nearby"""
+"""result of benchmarks/search_grasp.py; MuJoCo's settings have changed slightly since, so a new search ends nearby"""
 
 
 class Aim(NamedTuple):
-    """Where a grasp goes."""
+    """Target of a grasp."""
 
     place: np.ndarray
     """(3,) m, world"""
     yaw: float
-    """of what is grasped across; the thumb is on its positive side"""
+    """of the axis that is grasped across; the thumb is on its positive side"""
 
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What came of it."""
+    """Result of a scripted grasp."""
 
     held: bool
     gripped: bool
-    """the thumb and another finger press on it when they have closed"""
+    """the thumb and another finger press on the object after closing"""
     shoved_m: float
-    """how far they moved its centre of mass until then"""
+    """displacement of the centre of mass until then"""
     rise_m: float
     """of the centre of mass"""
     away_m: float
-    """from where it should be"""
+    """distance of the centre of mass from its intended position"""
     penetration_m: np.ndarray
-    """(k,) deepest between hand and object, after each control step since they touch"""
+    """(k,) deepest penetration of hand and object, after each control step since first contact"""
     force: np.ndarray
-    """(p,) N that the hand presses on each part with, at the end"""
+    """(p,) N of the hand on each part, at the end"""
     force_most: np.ndarray
-    """(p,) the most of it at any step"""
+    """(p,) maximum over all steps"""
 
 
 def grasp_commands(scene: Scene, aim: Aim, grasp: Grasp) -> Iterator[np.ndarray]:
-    """The commands (m,) of descend, close, lift and hold."""
+    """Yield the commands (m,) of descend, close, lift and hold."""
     return wrist_commands(scene, grasp, _wrist(aim, grasp), UP)
 
 
 def wrist_commands(scene: Scene, grasp: Grasp, wrist: np.ndarray, back: np.ndarray) -> Iterator[np.ndarray]:
-    """The same with the wrist (6,) at the grasp; the hand comes against `back` (3,), and lifts straight up."""
+    """Yield the same commands for a wrist (6,) at the grasp.
+
+    The hand moves against `back` (3,), and lifts straight up.
+    """
     away = np.concatenate([back, np.zeros(3)])
     above, sunk = ABOVE_M * away, -grasp.sink_m * away
     up = np.array([0, 0, LIFT_M, 0, 0, 0])
@@ -113,8 +117,9 @@ def wrist_commands(scene: Scene, grasp: Grasp, wrist: np.ndarray, back: np.ndarr
 
 
 def aim_at_part(scene: Scene, body: np.ndarray, part: int) -> Aim:
-    """Amid a part of an object at rest at the pose (7,), as near to the centre of mass as the part goes; yaw of the part's long
-    axis, from there to that centre.
+    """Aim at the middle of a part of an object at rest at the pose (7,), as near to the centre of mass as the part extends.
+
+    The yaw is that of the part's long axis, towards that centre.
     """
     found = scene.body
     spots, weight = _spots(scene, body, found.point_part == part), centre(found, body)
@@ -129,8 +134,9 @@ def aim_at_part(scene: Scene, body: np.ndarray, part: int) -> Aim:
 
 
 def aim_along_axis(scene: Scene, body: np.ndarray, along_m: float) -> Aim:
-    """So far from the centre of mass along the object's long axis, whose yaw is in -90..90 degrees: a place that knows nothing of
-    parts. Kept off the object's ends.
+    """Aim at a distance from the centre of mass along the object's long axis, whose yaw is in -90..90 degrees.
+
+    The aim ignores parts and stays away from the object's ends.
     """
     spots, weight = _spots(scene, body, np.ones(len(scene.body.points), bool)), centre(scene.body, body)
     axis = np.linalg.svd((spots - spots.mean(0))[:, :2], full_matrices=False)[2][0]
@@ -144,12 +150,12 @@ def aim_along_axis(scene: Scene, body: np.ndarray, along_m: float) -> Aim:
 
 
 def start_joints(scene: Scene, aim: Aim, grasp: Grasp) -> np.ndarray:
-    """(d,) joints before the descent."""
+    """Return the (d,) joints before the descent of `grasp_commands`."""
     return joints_before(scene, grasp, _wrist(aim, grasp), UP)
 
 
 def joints_before(scene: Scene, grasp: Grasp, wrist: np.ndarray, back: np.ndarray) -> np.ndarray:
-    """(d,) joints before `wrist_commands`."""
+    """Return the (d,) joints before `wrist_commands`."""
     u = np.concatenate([wrist, _fingers(scene, grasp, closed=False)])
     u[:3] += ABOVE_M * back
     A, b = coupling_matrix(scene.hand.joints)
@@ -157,13 +163,13 @@ def joints_before(scene: Scene, grasp: Grasp, wrist: np.ndarray, back: np.ndarra
 
 
 def grasp_part(world: World, scene: Scene, body: np.ndarray, part: int, grasp: Grasp) -> Outcome:
-    """Let the object settle from the pose (7,), grasp its part, lift it; leaves the world as it is at the end."""
+    """Settle the object from the pose (7,), grasp its part and lift it; the world stays as it is at the end."""
     state = settle(world, scene, start_joints(scene, aim_at_part(scene, body, part), grasp), body)
     return run_commands(world, scene, state, grasp_commands(scene, aim_at_part(scene, state.body, part), grasp))
 
 
 def settle(world: World, scene: Scene, q: np.ndarray, body: np.ndarray) -> State:
-    """The object comes to rest from the pose (7,), the hand stays at q (d,)."""
+    """Let the object come to rest from the pose (7,) while the hand stays at q (d,)."""
     state = world.reset(q, body)
     for _ in range(SETTLE):
         state = world.step(q[commanded_columns(scene.hand.joints)], CONTROL_S)
@@ -171,7 +177,7 @@ def settle(world: World, scene: Scene, q: np.ndarray, body: np.ndarray) -> State
 
 
 def run_commands(world: World, scene: Scene, state: State, commands: Iterable[np.ndarray]) -> Outcome:
-    """What comes of the commands (m,) of a grasp, of `wrist_commands`, from a state at rest."""
+    """Run the commands (m,) of `wrist_commands` from a state at rest, and measure the outcome."""
     rest = centre(scene.body, state.body)
     states = [state := world.step(u, CONTROL_S) for u in commands]
     on_parts = np.array([state.force.sum(axis=0) for state in states])
@@ -186,20 +192,23 @@ def run_commands(world: World, scene: Scene, state: State, commands: Iterable[np
 
 
 def _spots(scene: Scene, body: np.ndarray, which: np.ndarray) -> np.ndarray:
-    """(k, 3) points of the object at the pose (7,)."""
+    """Return the (k, 3) points of the object at the pose (7,)."""
     spots: np.ndarray = Rotation.from_quat(body[3:]).apply(scene.body.points[which].astype(float)) + body[:3]
     return spots
 
 
 def _wrist(aim: Aim, grasp: Grasp) -> np.ndarray:
-    """(6,) of the gantry: its angles turn about z, then y, then x; the palm's x, its thumb, points along the part."""
+    """Return the (6,) gantry joints at the grasp.
+
+    The angles rotate about z, then y, then x; the palm's x, its thumb, points along the part.
+    """
     turned = (aim.yaw + grasp.yaw_rad + np.pi) % (2 * np.pi) - np.pi
     R = Rotation.from_euler("ZYX", [turned, grasp.pitch_rad, grasp.roll_rad])
     return np.array([*(aim.place - R.apply(grasp.grip_m)), turned, grasp.pitch_rad, grasp.roll_rad])
 
 
 def _fingers(scene: Scene, grasp: Grasp, closed: bool) -> np.ndarray:
-    """Targets of the motors of the fingers, in the order of the hand."""
+    """Return the motor targets of the fingers, in the order of the hand."""
     share = 1.0 if closed else grasp.open_thumb
     value = dict(zip(THUMB, np.array(grasp.thumb_rad) * [1.0, share, 1.0, 1.0, share], strict=True))
     for finger in FINGERS:
@@ -210,6 +219,6 @@ def _fingers(scene: Scene, grasp: Grasp, closed: bool) -> np.ndarray:
 
 
 def _ramp(count: int) -> np.ndarray:
-    """1/count to 1, eased at both ends."""
+    """Return 1/count to 1, eased at both ends."""
     s = np.arange(1, count + 1) / count
     return s * s * (3 - 2 * s)

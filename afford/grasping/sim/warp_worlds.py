@@ -1,10 +1,11 @@
-"""Many worlds on mujoco-warp: MuJoCo's models and equations in 32 bits, all worlds of an object in one launch, on a GPU or a CPU.
-The only user of mujoco_warp and warp, which the extra `gpu` installs.
+"""Batch of worlds on mujoco-warp: MuJoCo's models in 32 bits, all worlds of an object in one launch, on a GPU or a CPU.
 
-Worlds are grouped by object and by what an engine can only set for all (rate, iterations, gravity). Within a group everything else
-of physics differs world by world: every field of the model in which the scenes of a group differ is given once for each.
+Only this module uses mujoco_warp and warp, which the extra `gpu` installs.
 
-Kernels are compiled at the first step, for each kind of scene (tens of seconds), and kept by warp in WARP_CACHE_PATH.
+Worlds are grouped by object and by parameters that the engine sets for all worlds (rate, iterations, gravity). Within a group, all
+other physics may differ: every model field in which scenes differ gets one row per world.
+
+Kernels are compiled at the first step, for each kind of scene (tens of seconds); warp caches them in WARP_CACHE_PATH.
 """
 
 from __future__ import annotations
@@ -26,14 +27,14 @@ from afford.grasping.sim.worlds import most_parts
 EXTRA = "gpu"
 PACKAGES = ("warp", "mujoco_warp")
 CONTACTS, ROWS = 96, 320
-"""room for each world: contacts (worlds of a group share it) and rows of constraints"""
+"""capacity per world: contacts (shared by the worlds of a group) and constraint rows"""
 MOVING = ("qpos", "qvel", "qacc_warmstart", "ctrl", "time")
-"""what the next step depends on"""
+"""fields that the next step depends on"""
 
 
 @dataclass(frozen=True, eq=False)
 class Saved:
-    """A moment of all worlds."""
+    """Saved state of all worlds."""
 
     numbers: tuple[dict[str, np.ndarray], ...]
     force: np.ndarray
@@ -42,11 +43,13 @@ class Saved:
 
 
 class WarpWorlds:
-    """See afford.grasping.sim.worlds.ThreadWorlds."""
+    """Worlds that are computed together; see afford.grasping.sim.worlds.WorldBatch."""
 
     def __init__(self, scenes: Sequence[Scene], device: str = "cpu") -> None:
-        """`device`: cpu or cuda. ValueError when the extra is not installed, when there is no such device, for a scene that
-        mujoco-warp does not know how to compute, and as Worlds.
+        """Create the worlds on a `device`, cpu or cuda.
+
+        ValueError when the extra is not installed, the device does not exist, mujoco-warp cannot compute a scene, and as
+        ThreadWorlds.
         """
         self.scenes, self.parts, n = tuple(scenes), most_parts(scenes), len(scenes)
         alike: dict[Any, list[int]] = {}
@@ -58,12 +61,12 @@ class WarpWorlds:
         self._force, self._left = np.zeros((n, 3)), np.zeros(n, int)
         self._state = self._together([group.state() for group in self._groups])
 
-    def alone(self, k: int) -> World:
-        """MuJoCo's world of scene k: these are only computed together."""
+    def single_world(self, k: int) -> World:
+        """Return a MuJoCo world of scene k, because warp worlds are only computed together."""
         return make_world("mujoco", self.scenes[k])
 
     def reset(self, q: np.ndarray, body: np.ndarray, which: Sequence[int] | None = None) -> State:
-        """q (k, d) and body (k, 7) for the worlds `which`, or for all."""
+        """Reset the worlds `which`, or all, to q (k, d) and body (k, 7)."""
         chosen = np.arange(len(self.scenes)) if which is None else np.asarray(which, int)
         for rows, group in zip(self._rows, self._groups, strict=True):
             mine = np.flatnonzero(np.isin(chosen, rows))
@@ -75,28 +78,28 @@ class WarpWorlds:
         return _rows(self._state, chosen)
 
     def step(self, u: np.ndarray, control_s: float) -> State:
-        """u (n, m). RuntimeError when a world diverges, or has more contacts than there is room for."""
+        """Advance with u (n, m); RuntimeError when a world diverges or exceeds its capacity of contacts."""
         for rows, group in zip(self._rows, self._groups, strict=True):
             self._left[rows] -= group.step(u[rows], control_s, self._force[rows], self._left[rows])
         self._state = self._together([group.state() for group in self._groups])
         return self.state()
 
     def push(self, force: np.ndarray, duration_s: float, which: Sequence[int] | None = None) -> None:
-        """force (k, 3) on the objects of worlds `which`, or of all."""
+        """Push the objects of the worlds `which`, or of all, with force (k, 3)."""
         chosen = np.arange(len(self.scenes)) if which is None else np.asarray(which, int)
         self._force[chosen] = force
         self._left[chosen] = [round(duration_s * self.scenes[k].physics.rate_hz) for k in chosen]
 
     def state(self) -> State:
-        """What is known now."""
+        """Return the current states."""
         return _rows(self._state, np.arange(len(self.scenes)))
 
     def save(self) -> Saved:
-        """Everything that the next step depends on."""
+        """Return a token of all that the next step depends on."""
         return Saved(tuple(group.save() for group in self._groups), self._force.copy(), self._left.copy(), self.state())
 
     def restore(self, token: Saved) -> State:
-        """Back to that moment."""
+        """Restore a token."""
         for group, numbers in zip(self._groups, token.numbers, strict=True):
             group.restore(numbers)
         self._force, self._left = token.force.copy(), token.left.copy()
@@ -104,10 +107,10 @@ class WarpWorlds:
         return self.state()
 
     def close(self) -> None:
-        """Nothing is held that the garbage collector does not give back."""
+        """Do nothing: garbage collection frees the engine."""
 
     def _together(self, states: Sequence[State]) -> State:
-        """Rows of the groups, in the order of the worlds."""
+        """Concatenate the states of the groups in the order of the worlds."""
         order = np.argsort(np.concatenate(self._rows))
         names = (f.name for f in fields(State))
         whole: dict[str, Any] = {name: np.concatenate([getattr(state, name) for state in states])[order] for name in names}
@@ -132,7 +135,7 @@ class _Group:
         self._pushed = False
 
     def reset(self, which: np.ndarray, q: np.ndarray, body: np.ndarray) -> None:
-        """Worlds `which` of the group at rest, joints at q (k, d), motors holding them there."""
+        """Reset worlds `which` of the group to rest, joints at q (k, d), motors holding them."""
         at, place = self._at, self._at.free[0] + np.arange(7)
         q, body = _checked("reset, q", q, (len(which), len(at.q))), _checked("reset, body", body, (len(which), 7))
         mask = np.zeros(self._data.nworld, bool)
@@ -147,7 +150,10 @@ class _Group:
             self._mjw.forward(self._model, self._data)
 
     def step(self, u: np.ndarray, control_s: float, force: np.ndarray, left: np.ndarray) -> np.ndarray:
-        """Motors follow u (n, m); `force` (n, 3) for the solver steps that are `left` (n,). Gives how many of these are over."""
+        """Advance while the motors follow u (n, m), with `force` (n, 3) for the first `left` (n,) solver steps.
+
+        Returns how many of those steps have passed.
+        """
         count = solver_steps(control_s, self.scene.physics.rate_hz)
         over, ctrl = left.clip(max=count), self._numbers("ctrl")
         ctrl[:, self._at.motors] = _checked("step, u", u, (len(ctrl), len(self._at.motors))).clip(*self._limits.T)
@@ -169,7 +175,7 @@ class _Group:
             getattr(self._data, name).assign(array)
 
     def state(self) -> State:
-        """(n, ...) places are those of now; forces those of the last solver step."""
+        """Return states (n, ...); positions are current, forces are those of the last solver step."""
         at, hand, n = self._at, self.scene.hand, self._data.nworld
         place, turn, quaternion = (self._numbers(name).astype(np.float64) for name in ("xpos", "xmat", "xquat"))
         qpos, qvel = (self._numbers(name).astype(np.float64) for name in ("qpos", "qvel"))
@@ -188,7 +194,10 @@ class _Group:
             penetration_m=deepest, contacts=contacts)  # type: ignore[arg-type]  # (n,) for numbers  # fmt: skip
 
     def _touching(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """(n, fingers + 1, parts) newtons, (n,) depth of the deepest contact, (n,) contacts: of the hand with the object."""
+        """Measure contacts of the hand with the object.
+
+        (n, fingers + 1, parts) newtons, (n,) depth of the deepest contact, (n,) number of contacts.
+        """
         n, contact, count = self._data.nworld, self._data.contact, int(self._data.nacon.numpy()[0])
         geom, of, row, dist = (getattr(contact, name).numpy()[:count] for name in ("geom", "worldid", "efc_address", "dist"))
         finger, part, row = self._at.finger[geom].max(axis=1), self._at.part[geom].max(axis=1), row[:, 0]
@@ -200,7 +209,7 @@ class _Group:
         return force, deepest, np.bincount(of, minlength=n)
 
     def _numbers(self, name: str) -> np.ndarray:
-        """A copy."""
+        """Return a copy of a field."""
         found: np.ndarray = np.array(getattr(self._data, name).numpy())
         return found
 
@@ -212,13 +221,13 @@ class _Group:
         self._data.xfrc_applied.assign(wrench)
 
     def _advance(self, count: int) -> None:
-        """Solver steps; on a GPU the launches of one are recorded once, and then played."""
+        """Run solver steps; on a GPU the launches of one step are captured once and replayed."""
         if self._device != "cuda":
             for _ in range(count):
                 self._mjw.step(self._model, self._data)
             return
         if self._graph is None:
-            self._mjw.step(self._model, self._data)  # compiles, which a recording must not
+            self._mjw.step(self._model, self._data)  # compiles the kernels, which a capture must not do
             with self._warp.ScopedCapture() as capture:
                 self._mjw.step(self._model, self._data)
             self._graph, count = capture.graph, count - 1
@@ -226,9 +235,9 @@ class _Group:
             self._warp.capture_launch(self._graph)
 
     def _judge(self) -> None:
-        """RuntimeError for what did not fit or is not finite."""
+        """Raise RuntimeError when a capacity was exceeded or a number is not finite."""
         kinds = self._mjw.OverflowType
-        few = int(kinds.ITERATIONS | kinds.LS_ITERATIONS)  # the solver stopped before it had converged, as engines do
+        few = int(kinds.ITERATIONS | kinds.LS_ITERATIONS)  # the solver stopped before convergence, which is allowed
         if (self._data.overflow.numpy() & ~few).any():
             raise RuntimeError(f"{self.scene.body.name}: expected at most {CONTACTS} contacts and {ROWS} rows of constraints in a "
                                "world, got more; raise CONTACTS and ROWS of afford/grasping/sim/warp_worlds.py")
@@ -249,12 +258,12 @@ def _device(warp: Any, device: str) -> str:
     if device not in ("cpu", "cuda"):
         raise ValueError(f"device: expected cpu or cuda, got {device!r}")
     if device == "cuda" and not warp.is_cuda_available():
-        raise ValueError("device: expected a GPU that CUDA finds, got none; use cpu")
+        raise ValueError("device: CUDA finds no GPU; use cpu")
     return device
 
 
 def _model(mjw: Any, models: Sequence[Any]) -> Any:
-    """One model for all worlds, with a row for each world of every field in which they differ."""
+    """Build one model for all worlds, with one row per world for every field in which they differ."""
     first = models[0]
     batched = [f.name for f in fields(mjw.Model) if getattr(f.type, "shape", ())[:1] == ("*",) and hasattr(first, f.name)]
     varied = [name for name in batched if any(not np.array_equal(getattr(first, name), getattr(m, name)) for m in models)]

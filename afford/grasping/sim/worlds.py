@@ -1,4 +1,8 @@
-"""Many worlds in this process, on threads: MuJoCo computes outside Python's lock, PyBullet one world after another."""
+"""Batches of worlds as arrays (n, ...): on threads, in processes, or in an engine that computes all of them together.
+
+MuJoCo releases Python's lock, so threads help. PyBullet computes one world after another in a process, so it needs processes: each
+process has a share of the worlds, receives the name of a method and its arguments, and replies with the result or the exception.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +21,10 @@ from afford.grasping.sim.scene import Scene
 
 
 def most_parts(scenes: Sequence[Scene]) -> int:
-    """Of the objects of scenes that can be computed side by side; ValueError for none, or for hands that differ in their joints."""
+    """Return the largest number of parts among the objects of scenes.
+
+    ValueError without scenes, or for hands that differ in their joints.
+    """
     names = {scene.hand.joints.name for scene in scenes}
     if len(names) != 1:
         raise ValueError(f"Worlds: expected one scene or more, with one hand, got {len(scenes)} with {len(names)} hands")
@@ -25,7 +32,10 @@ def most_parts(scenes: Sequence[Scene]) -> int:
 
 
 class ThreadWorlds:
-    """See afford.grasping.sim.worlds.WorldBatch. `parts`: the most that an object has; forces on others are padded with 0."""
+    """Worlds in this process, on threads; see WorldBatch.
+
+    `parts` is the largest number of parts of an object; forces on objects with fewer parts are padded with 0.
+    """
 
     def __init__(self, engine: str, scenes: Sequence[Scene], threads: int = 1) -> None:
         """ValueError for no scenes, hands that differ in their joints, or no threads."""
@@ -35,39 +45,39 @@ class ThreadWorlds:
         self.worlds: tuple[World, ...] = tuple(make_world(engine, scene) for scene in scenes)
         self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
 
-    def alone(self, k: int) -> World:
-        """World k."""
+    def single_world(self, k: int) -> World:
+        """Return world k."""
         return self.worlds[k]
 
     def reset(self, q: np.ndarray, body: np.ndarray, which: Sequence[int] | None = None) -> State:
-        """q (k, d) and body (k, 7) for the worlds `which`, or for all."""
+        """Reset the worlds `which`, or all, to q (k, d) and body (k, 7)."""
         return self._each(lambda k, row: self.worlds[k].reset(q[row], body[row]), which)
 
     def step(self, u: np.ndarray, control_s: float) -> State:
-        """u (n, m)."""
+        """Advance all worlds with commands u (n, m)."""
         return self._each(lambda k, row: self.worlds[k].step(u[row], control_s), None)
 
     def push(self, force: np.ndarray, duration_s: float, which: Sequence[int] | None = None) -> None:
-        """force (k, 3) on the objects of worlds `which`, or of all."""
+        """Push the objects of the worlds `which`, or of all, with force (k, 3)."""
         for k, row in zip(range(len(self.worlds)) if which is None else which, force, strict=True):
             self.worlds[k].push(row, duration_s)
 
     def state(self) -> State:
-        """What is known now."""
+        """Return the current states."""
         return self._each(lambda k, row: self.worlds[k].state(), None)
 
     def save(self) -> tuple[Any, ...]:
-        """A token of every world."""
-        return tuple(made.save() for made in self.worlds)
+        """Return a token of every world."""
+        return tuple(world.save() for world in self.worlds)
 
     def restore(self, tokens: Sequence[Any]) -> State:
-        """Every world back to its token."""
+        """Restore every world to its token."""
         return self._each(lambda k, row: self.worlds[k].restore(tokens[row]), None)
 
     def close(self) -> None:
-        """Close all; twice is harmless."""
-        for made in self.worlds:
-            made.close()
+        """Close all worlds; closing twice is allowed."""
+        for world in self.worlds:
+            world.close()
         if self._pool is not None:
             self._pool.shutdown()
 
@@ -78,7 +88,7 @@ class ThreadWorlds:
         return self._stacked(list(found))
 
     def _stacked(self, states: Sequence[State]) -> State:
-        """One State of arrays (n, ...); force (n, fingers + 1, most parts) is 0 where an object has fewer parts."""
+        """Stack states to arrays (n, ...); force is padded with 0 for objects with fewer parts."""
         columns = {f.name: [getattr(state, f.name) for state in states] for f in fields(State)}
         force = np.zeros((len(states), len(states[0].force), self.parts))
         for row, one in zip(force, columns.pop("force"), strict=True):
@@ -88,31 +98,31 @@ class ThreadWorlds:
 
 
 LEAVE_S = 10.0
-"""a process that does not end by itself after this time is ended"""
+"""time after which a process that does not exit is terminated"""
 
 
 class ProcessWorlds:
-    """See afford.grasping.sim.worlds.WorldBatch: the same bits as Worlds, on more cores."""
+    """Worlds in several processes, with the same bits as ThreadWorlds; see WorldBatch."""
 
     def __init__(self, engine: str, scenes: Sequence[Scene], threads: int = 1, processes: int = 2) -> None:
-        """ValueError as Worlds, RuntimeError when a process does not begin."""
+        """ValueError as ThreadWorlds; RuntimeError when a process does not start."""
         self.parts = most_parts(scenes)
         self._shares = np.array_split(np.arange(len(scenes)), max(1, min(processes, len(scenes))))
         self._workers = [_Worker(engine, [scenes[k] for k in share], threads) for share in self._shares]
         try:
             for worker in self._workers:
-                worker.answer()
+                worker.result()
         except Exception:
             self.close()
             raise
 
-    def alone(self, k: int) -> World:
-        """World k, wherever it is."""
+    def single_world(self, k: int) -> World:
+        """Return world k, in its process."""
         number = int(np.searchsorted([share[-1] for share in self._shares], k))
         return cast(World, _Remote(self._workers[number], k - int(self._shares[number][0])))
 
     def reset(self, q: np.ndarray, body: np.ndarray, which: Sequence[int] | None = None) -> State:
-        """q (k, d) and body (k, 7) for the worlds `which`, or for all."""
+        """Reset the worlds `which`, or all, to q (k, d) and body (k, 7)."""
         chosen = np.arange(self._shares[-1][-1] + 1) if which is None else np.asarray(which, int)
         mine = [np.flatnonzero(np.isin(chosen, share)) for share in self._shares]
         found = self._all("reset", [(q[rows], body[rows], (chosen[rows] - share[0]).tolist()) if len(rows) else None
@@ -120,50 +130,54 @@ class ProcessWorlds:
         return self._joined([state for state in found if state is not None], np.concatenate(mine))
 
     def step(self, u: np.ndarray, control_s: float) -> State:
-        """u (n, m)."""
+        """Advance all worlds with commands u (n, m)."""
         return self._joined(self._all("step", [(u[share], control_s) for share in self._shares]))
 
     def push(self, force: np.ndarray, duration_s: float, which: Sequence[int] | None = None) -> None:
-        """force (k, 3) on the objects of worlds `which`, or of all."""
+        """Push the objects of the worlds `which`, or of all, with force (k, 3)."""
         chosen = np.arange(self._shares[-1][-1] + 1) if which is None else np.asarray(which, int)
         mine = [np.flatnonzero(np.isin(chosen, share)) for share in self._shares]
         self._all("push", [(force[rows], duration_s, (chosen[rows] - share[0]).tolist()) if len(rows) else None
                            for rows, share in zip(mine, self._shares, strict=True)])  # fmt: skip
 
     def state(self) -> State:
-        """What is known now."""
+        """Return the current states."""
         return self._joined(self._all("state", [() for _ in self._shares]))
 
     def save(self) -> tuple[Any, ...]:
-        """A token of every process."""
+        """Return a token of every process."""
         return tuple(self._all("save", [() for _ in self._shares]))
 
     def restore(self, tokens: Sequence[Any]) -> State:
-        """Every world back to its token."""
+        """Restore every world to its token."""
         return self._joined(self._all("restore", [(token,) for token in tokens]))
 
     def close(self) -> None:
-        """End the processes; twice is harmless."""
+        """End the processes; closing twice is allowed."""
         for worker in self._workers:
             worker.close()
 
     def _all(self, method: str, arguments: Sequence[tuple[Any, ...] | None]) -> list[Any]:
-        """Ask every process that there is something for, then hear all of them, so that they compute at the same time. The first
-        error is raised when all have answered.
+        """Send a request to every process with arguments, then collect all replies, so that processes run in parallel.
+
+        The first error is raised after all processes have replied.
         """
-        asked = [(worker, given) for worker, given in zip(self._workers, arguments, strict=True)]
+        requests = list(zip(self._workers, arguments, strict=True))
         try:
-            for worker, given in asked:
+            for worker, given in requests:
                 if given is not None:
-                    worker.ask(None, method, given)
-            answers = [worker.hear() if given is not None else None for worker, given in asked]
-        except RuntimeError:  # a process is gone: what others answer would be taken for the answer to another question
+                    worker.send(None, method, given)
+            answers = [worker.receive() if given is not None else None for worker, given in requests]
+        except RuntimeError:  # a process has ended: later replies of the others would not match their requests
             self.close()
             raise
         return [_value(answer) for answer in answers]
 
     def _joined(self, states: Sequence[State], order: np.ndarray | None = None) -> State:
-        """One State; `order` (k,) says which place each row has. force is 0 where an object has fewer parts than another."""
+        """Concatenate states; `order` (k,) is the position of each row.
+
+        force is padded with 0 for objects with fewer parts.
+        """
         columns = {f.name: [getattr(state, f.name) for state in states] for f in fields(State)}
         columns["force"] = [np.pad(force, ((0, 0), (0, 0), (0, self.parts - force.shape[2]))) for force in columns["force"]]
         place = slice(None) if order is None else np.argsort(order)
@@ -172,7 +186,7 @@ class ProcessWorlds:
 
 
 class _Worker:
-    """A process with some worlds, seen from outside."""
+    """Handle of a process that runs some worlds."""
 
     def __init__(self, engine: str, scenes: Sequence[Scene], threads: int) -> None:
         context = get_context("spawn")
@@ -180,23 +194,23 @@ class _Worker:
         self._names = ", ".join(sorted({scene.body.name for scene in scenes}))
         self._process = context.Process(target=_serve, args=(other, engine, list(scenes), threads), daemon=True)
         self._process.start()
-        other.close()  # so that this end hears when the process is gone
+        other.close()  # so that this end sees the end of the process
 
-    def ask(self, k: int | None, method: str, arguments: tuple[Any, ...]) -> None:
+    def send(self, k: int | None, method: str, arguments: tuple[Any, ...]) -> None:
         try:
             self._line.send((k, method, arguments))
         except (BrokenPipeError, OSError) as error:
             raise self._gone() from error
 
-    def hear(self) -> Any:
+    def receive(self) -> Any:
         try:
             return self._line.recv()
         except (EOFError, ConnectionResetError) as error:
             raise self._gone() from error
 
-    def answer(self) -> Any:
-        """What was asked for, or the error that it came to."""
-        return _value(self.hear())
+    def result(self) -> Any:
+        """Receive a result, or raise the exception that the process sent."""
+        return _value(self.receive())
 
     def close(self) -> None:
         if not self._line.closed:
@@ -209,12 +223,12 @@ class _Worker:
     def _gone(self) -> RuntimeError:
         self._process.join(LEAVE_S)
         code = self._process.exitcode
-        return RuntimeError(f"worlds with {self._names}: expected their process to answer, got that it ended (exit code {code}); "
-                            "it may have run out of memory: take fewer worlds or processes")
+        return RuntimeError(f"worlds with {self._names}: their process ended (exit code {code}); it may have run out of memory: "
+                            "use fewer worlds or processes")  # fmt: skip
 
 
 class _Remote:
-    """One world of another process: see afford.grasping.sim.engine.World."""
+    """One world of another process; see World."""
 
     def __init__(self, worker: _Worker, k: int) -> None:
         self._worker, self._k = worker, k
@@ -238,11 +252,11 @@ class _Remote:
         return cast(State, self._call("restore", token))
 
     def close(self) -> None:
-        """Its process closes it."""
+        """Do nothing: the process closes its worlds."""
 
     def _call(self, method: str, *arguments: Any) -> Any:
-        self._worker.ask(self._k, method, arguments)
-        return self._worker.answer()
+        self._worker.send(self._k, method, arguments)
+        return self._worker.result()
 
 
 def _value(answer: Any) -> Any:
@@ -252,7 +266,7 @@ def _value(answer: Any) -> Any:
 
 
 def _serve(line: Connection, engine: str, scenes: Sequence[Scene], threads: int) -> None:
-    """What a process does: make its worlds, then as it is told, until the line is closed."""
+    """Process main loop: create the worlds, then run requests until the pipe is closed."""
     worlds: ThreadWorlds | None = None
     message: Any = (None, "", ())
     while message is not None:
@@ -262,15 +276,15 @@ def _serve(line: Connection, engine: str, scenes: Sequence[Scene], threads: int)
                 worlds, answer = ThreadWorlds(engine, scenes, threads), None
             else:
                 answer = getattr(worlds if k is None else worlds.worlds[k], method)(*arguments)
-        except Exception as error:  # it is raised where the question came from
+        except Exception as error:  # raised in the process that sent the request
             answer = error
-        message = _told(line, answer)
+        message = _reply(line, answer)
     if worlds is not None:
         worlds.close()
 
 
-def _told(line: Connection, answer: Any) -> Any:
-    """Answer, and wait for the next question; None when nobody asks any more."""
+def _reply(line: Connection, answer: Any) -> Any:
+    """Send a reply and receive the next request; None when the pipe is closed."""
     try:
         line.send(answer)
         return line.recv()
@@ -284,43 +298,48 @@ ENGINES = (*sorted(BACKENDS), *sorted(TOGETHER))
 
 
 class WorldBatch(Protocol):
-    """n worlds; scenes may differ in object and physics, not in hand. Everything is a copy."""
+    """Batch of n worlds, whose scenes may differ in object and physics but not in hand; all arrays are copies."""
 
-    def alone(self, k: int) -> World:
-        """World k by itself, to see where its object comes to rest. Where worlds are only computed together, it is MuJoCo's."""
+    def single_world(self, k: int) -> World:
+        """Return world k by itself, for example to let its object come to rest.
+
+        Engines that only compute all worlds together return a MuJoCo world.
+        """
 
     def reset(self, q: np.ndarray, body: np.ndarray, which: Sequence[int] | None = None) -> State:
-        """q (k, d) and body (k, 7) for the worlds `which`, or for all; their states."""
+        """Reset the worlds `which`, or all, to q (k, d) and body (k, 7), and return their states."""
 
     def step(self, u: np.ndarray, control_s: float) -> State:
-        """u (n, m)."""
+        """Advance all worlds with commands u (n, m)."""
 
     def push(self, force: np.ndarray, duration_s: float, which: Sequence[int] | None = None) -> None:
-        """force (k, 3) on the objects of worlds `which`, or of all."""
+        """Push the objects of the worlds `which`, or of all, with force (k, 3)."""
 
     def state(self) -> State:
-        """What is known now."""
+        """Return the current states."""
 
     def save(self) -> Any:
-        """Everything that the next step depends on."""
+        """Return a token of all that the next step depends on."""
 
     def restore(self, token: Any) -> State:
-        """Back to that moment."""
+        """Restore a token."""
 
     def close(self) -> None:
-        """Give the engine back; twice is harmless."""
+        """Release the engine; closing twice is allowed."""
 
 
 def world_batch(engine: str, scenes: Sequence[Scene], threads: int = 1, processes: int = 1, device: str = "cpu") -> WorldBatch:
-    """Worlds of an engine, on `threads` in each of `processes`. ValueError for what an engine cannot be asked: another device than
-    the CPU where it has none, threads or processes where all worlds are computed together.
+    """Create worlds of an engine, on `threads` in each of `processes`.
+
+    ValueError for a device that the engine does not have, and for threads or processes of an engine that computes all worlds at
+    once.
     """
     if engine in TOGETHER:
         if threads > 1 or processes > 1:
             raise ValueError(f"{engine}: expected one thread and one process, got {threads} and {processes}; it computes all "
                              "worlds at once")
-        made: Callable[[Sequence[Scene], str], WorldBatch] = load(TOGETHER, engine)
-        return made(scenes, device)
+        create: Callable[[Sequence[Scene], str], WorldBatch] = load(TOGETHER, engine)
+        return create(scenes, device)
     if device != "cpu":
         raise ValueError(f"device: expected cpu with the engine {engine}, got {device!r}; only {', '.join(TOGETHER)} has another")
     return ProcessWorlds(engine, scenes, threads, processes) if processes > 1 else ThreadWorlds(engine, scenes, threads)

@@ -1,1 +1,1 @@
-"""Views of a mesh: plan cameras, draw, cast rays."""
+"""Views of a mesh: plan cameras, render images, cast rays."""

@@ -1,4 +1,4 @@
-"""Points on a surface that stand for its area, and how much of it can be seen from outside."""
+"""Surface points with areas, and their visibility by ray casting (Embree, single precision)."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ from embreex.rtcore_scene import EmbreeScene
 from schemas.mesh import ObjectMesh
 
 UNIT = 100.0
-"""objects are scaled to about this size, so that single precision means the same for a needle and for a pan"""
+"""size to which objects are scaled, so that single precision is the same for a needle and a pan"""
 LIFT = 2e-5
-"""rays start this share of the object's size above the surface, so that they do not hit what they leave"""
+"""offset of ray origins above the surface, as a share of the object's size, against self-intersection"""
 AT_ONCE = 1 << 20
 """rays in one call"""
 
 
 class Rays:
-    """The triangles of an object, ready to be asked."""
+    """Ray caster for the triangles of an object."""
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray) -> None:
-        """`vertices` (v, 3) metres, `faces` (f, 3)."""
+        """Build the scene of `vertices` (v, 3), metres, and `faces` (f, 3)."""
         low, high = vertices.min(0).astype(np.float64), vertices.max(0).astype(np.float64)
         self._centre, self._scale = (low + high) / 2, UNIT / max(float((high - low).max()), 1e-9)
         self._scene = EmbreeScene()
         TriangleMesh(self._scene, self._unit(vertices), np.ascontiguousarray(faces, np.int32))
 
     def escape(self, points: np.ndarray, normals: np.ndarray, directions: np.ndarray) -> np.ndarray:
-        """(n,) bool: whether a ray from just above each surface point (n, 3) leaves along its direction (n, 3) without a hit."""
+        """Test rays from just above surface points (n, 3) along directions (n, 3): (n,) bool, True without a hit."""
         out = np.empty(len(points), bool)
         for at in range(0, len(points), AT_ONCE):
             part = slice(at, at + AT_ONCE)
@@ -38,7 +38,7 @@ class Rays:
         return out
 
     def first(self, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
-        """(n,) int32 face that each ray from outside hits first, -1 for none."""
+        """Find the face (n,) int32 that each ray from outside hits first, -1 for none."""
         out = np.empty(len(origins), np.int32)
         for at in range(0, len(origins), AT_ONCE):
             part = slice(at, at + AT_ONCE)
@@ -50,14 +50,14 @@ class Rays:
 
 
 POINTS = 4096
-"""large faces get so many points, evenly over the area, that the whole has at least about this many; every face has one"""
+"""approximate number of points; every face has at least one, and large faces have more"""
 GRAZING_COS = np.float32(np.cos(np.radians(88)))
-"""directions flatter than this along a surface do not count as seeing it"""
+"""smallest cosine to the normal of a direction that sees a point"""
 
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """(n, 3) float32 points and unit normals; (n,) face of each and the area in m^2 that it stands for."""
+    """Surface points: (n, 3) float32 points and unit normals, (n,) face and area in m^2 of each."""
 
     points: np.ndarray
     normals: np.ndarray
@@ -66,7 +66,7 @@ class Surface:
 
     @staticmethod
     def of(mesh: ObjectMesh) -> Surface:
-        """One point in the middle of each face; faces larger than a share of the whole are divided first."""
+        """Place one point at the centre of each face; large faces are subdivided first."""
         corners = mesh.vertices[mesh.faces].astype(np.float64)
         area, normal = face_areas(corners)
         cuts = np.ceil(np.sqrt(area * POINTS / max(area.sum(), 1e-30))).clip(1, 256).astype(int)
@@ -77,16 +77,16 @@ class Surface:
         return Surface(points.astype(np.float32), normal[face].astype(np.float32), face, (area / cuts**2)[face])
 
     def visible(self, rays: Rays, directions: np.ndarray) -> np.ndarray:
-        """(n,) bool: from which points a ray escapes along at least one of the (d, 3) directions."""
+        """Find points (n,) bool from which a ray escapes along at least one of the (d, 3) directions."""
         out = np.zeros(len(self.points), bool)
         for towards in directions.astype(np.float32):
-            asked = np.flatnonzero(~out & (self.normals @ towards > GRAZING_COS))
-            out[asked] = rays.escape(self.points[asked], self.normals[asked], np.broadcast_to(towards, (len(asked), 3)))
+            facing = np.flatnonzero(~out & (self.normals @ towards > GRAZING_COS))
+            out[facing] = rays.escape(self.points[facing], self.normals[facing], np.broadcast_to(towards, (len(facing), 3)))
         return out
 
 
 def fibonacci_sphere(count: int) -> np.ndarray:
-    """(count, 3) float64 unit vectors, evenly spread (Fibonacci lattice)."""
+    """Spread (count, 3) float64 unit vectors evenly (Fibonacci lattice)."""
     n = np.arange(count) + 0.5
     z, turn = 1 - 2 * n / count, np.pi * (1 + 5**0.5) * n
     r = np.sqrt(1 - z * z)
@@ -94,14 +94,14 @@ def fibonacci_sphere(count: int) -> np.ndarray:
 
 
 def face_areas(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(f,) square metres and (f, 3) unit normals of triangles (f, 3, 3); the normal of what has no area is 0."""
+    """Compute areas (f,) in m^2 and unit normals (f, 3) of triangles (f, 3, 3); 0 for degenerate ones."""
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.linalg.norm(cross, axis=1)
     return length / 2, cross / np.maximum(length, 1e-30)[:, None]
 
 
 def _spread(corners: np.ndarray, face: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """Middles of the n * n equal triangles that each face (f, 3, 3) is cut into, and the face of each."""
+    """Return the centres of n * n equal triangles of each face (f, 3, 3), and the face of each."""
     cells = [(i, j, turned) for i in range(n) for j in range(n - i) for turned in (0, 1) if not turned or i + j < n - 1]
     weights = np.array([_middle(*cell, n) for cell in cells])
     points = np.einsum("wk,fkx->fwx", weights, corners)

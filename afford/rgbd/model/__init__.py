@@ -1,1 +1,1 @@
-"""The SOR3D-AFF model: encoders, ConvLSTM, soft attention, decoders."""
+"""SOR3D-AFF model: inputs, layers, losses, checkpoints, prediction."""

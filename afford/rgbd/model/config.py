@@ -1,4 +1,4 @@
-"""Everything that decides a model's shape, as plain data that goes into config.json."""
+"""Configuration of the SOR3D-AFF model: its shape, the variants, the rows of the paper's ablation."""
 
 from __future__ import annotations
 
@@ -13,43 +13,44 @@ FLOWS = ("none", "2d", "3d")
 WIDTHS = {"paper": (64, 128, 256, 512), "small": (8, 16, 32, 48)}
 """channels before the first, second and third pooling, and after it; those of the paper are VGG's"""
 DECODER_WIDTHS = {"paper": WIDTHS["paper"], "small": (24, 32, 48, 48)}
-"""the same of the decoder: it sees the last frame alone, so channels cost little there, and eight do not hold ten classes"""
+"""channels of the decoder at the same resolutions; `small` can afford more than its encoder, because the decoder sees the last
+frame only, and eight channels cannot hold ten classes"""
 
 
 @dataclass(frozen=True)
 class Sor3dConfig:
-    """One model. Every field is a string, a number, a bool or a tuple of numbers."""
+    """Shape of one model. Every field is a string, a number, a bool or a tuple of numbers; they go into config.json."""
 
     widths: tuple[int, int, int, int] = WIDTHS["small"]
     """channels at full, half, quarter and eighth resolution; the last one is that of the latent"""
     decoder_widths: tuple[int, int, int, int] = DECODER_WIDTHS["small"]
-    """the same of the decoder"""
+    """channels of the decoder at the same resolutions"""
     size_px: int = 112
-    """shorter side of the frames it is trained on"""
+    """shorter side of the training frames"""
     depth: bool = True
-    """False: the first stream sees colours alone"""
+    """false: the first stream sees colours only"""
     flow: str = "3d"
-    """the second stream: 3d (motion in space), 2d (on the image), none (there is no second stream)"""
+    """input of the second stream: 3d (scene flow), 2d (optical flow), none (no second stream)"""
     attention: bool = True
     """soft attention at the latent and after every upsampling of the decoder"""
     rescale: bool = True
-    """attention is multiplied by the number of positions: a mean of 1 keeps the scale of features; False, as the
+    """true: attention is multiplied by the number of positions, so that its mean of 1 keeps the scale of features; false, as in the
     paper: the bare softmax"""
     norm: str = "batch"
-    """batch: normalisation over the batch after every convolution of encoders and decoder, and of what the memory is told, for
-    training from nothing; none, as the paper"""
+    """batch: batch normalisation after every convolution of encoders and decoder, and before the memory, for training from scratch;
+    none, as in the paper"""
     told: bool = True
-    """an affordance of a pixel is what the decoder says times what the action head says of the whole sequence; False, as the
-    paper: the decoder alone"""
+    """true: an affordance of a pixel is the decoder's probability times that of the action head; false, as in the paper: the
+    decoder's alone"""
     motion_power: float = 0.5
-    """sizes of motion are raised to it, so that those of fingers are seen beside those of an arm; 1, as the paper"""
+    """exponent on the magnitude of motion, so that motion of fingers counts beside that of an arm; 1, as in the paper"""
     here: bool = True
-    """decoder and action head are told the last frame itself too, since a single picture hardly passes a memory that has learned
-    to wait for motion; False, as the paper: they are told what is remembered"""
+    """true: decoder and action head also get the features of the last frame, because a single picture hardly passes a memory that
+    has learned to wait for motion; false, as in the paper: the memory alone"""
     memory_frames: int = 10
-    """frames that the memory spans at first"""
+    """initial span of the memory in frames"""
     depth_span_m: float = 0.3
-    """depth, less the median of the first frame, is divided by this and cut at -1 and 1"""
+    """depth minus the median of the first frame is divided by this and clipped to -1..1"""
 
     def __post_init__(self) -> None:
         if self.flow not in FLOWS or self.norm not in ("batch", "none"):
@@ -62,17 +63,17 @@ class Sor3dConfig:
 
     @property
     def labels(self) -> int:
-        """Classes of a pixel: the affordances and the background."""
+        """Number of pixel classes: the affordances and the background."""
         return BACKGROUND + 1
 
     @property
     def actions(self) -> int:
-        """Classes of a sequence."""
+        """Number of action classes."""
         return len(AFFORDANCES)
 
     @classmethod
     def from_dict(cls, fields: dict[str, Any]) -> Sor3dConfig:
-        """The config that `asdict` or JSON describes; ValueError names unknown fields. Missing fields keep their default."""
+        """Config from the fields of `asdict` or JSON; missing fields keep their default. ValueError for unknown fields."""
         unknown = fields.keys() - {field.name for field in dataclasses.fields(cls)}
         if unknown:
             raise ValueError(f"Sor3dConfig has no field {', '.join(sorted(unknown))}")
@@ -92,7 +93,7 @@ ROWS: dict[str, dict[str, Any]] = {
 
 
 def paper() -> Sor3dConfig:
-    """The model at the width and size of the paper."""
+    """Model at the width and size of the paper."""
     return Sor3dConfig(widths=WIDTHS["paper"], decoder_widths=DECODER_WIDTHS["paper"], size_px=300, norm="none",
                        rescale=False, told=False, here=False, motion_power=1.0)  # fmt: skip
 
@@ -101,7 +102,15 @@ VARIANTS: dict[str, Callable[[], Sor3dConfig]] = {"small": Sor3dConfig, "paper":
 
 
 def row(config: Sor3dConfig, name: str) -> Sor3dConfig:
-    """`config` as a row of the ablation. ValueError for an unknown one."""
+    """Return `config` as a row of the ablation. ValueError for an unknown row."""
     if name not in ROWS:
         raise ValueError(f"sor3d: expected a row of {', '.join(ROWS)}, got {name!r}")
     return replace(config, **ROWS[name])
+
+
+@dataclass(frozen=True)
+class BoxesParams:
+    """Parameters of `boxes` in static evaluation."""
+
+    true_boxes: bool = False
+    """true: the object's true box is given, in place of the model's own proposals"""

@@ -1,4 +1,4 @@
-"""Readers of RGB-D sets: SOR3D-AFF, UMD, IIT-AFF, UTKinect."""
+"""Readers of RGB-D data sets: SOR3D-AFF, UMD, IIT-AFF, UTKinect."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Protocol
 from afford.common.registry import Own
 
 if TYPE_CHECKING:
-    from afford.rgbd.readers.static_set import Listed
+    from afford.rgbd.readers.static_set import PictureEntry
     from schemas.files import FileTree
 
 
@@ -21,10 +21,11 @@ class Umd:
 
 
 class ListPictures(Protocol[Own]):
-    """What every backend of `static_read` looks like."""
+    """Interface of the backends of `static_read`."""
 
-    def __call__(self, files: FileTree, crop_px: int, every: int, params: Own) -> tuple[Listed, ...]:
-        """Every n-th labelled picture of the files, by name, none of them read yet; the middle square of `crop_px` is cut out of
-        each, all of it for 0. `params` are those of this backend.
+    def __call__(self, files: FileTree, crop_px: int, every: int, params: Own) -> tuple[PictureEntry, ...]:
+        """List every n-th labelled picture of the files, by name, without reading it.
+
+        The middle square of `crop_px` is cropped from each, the whole picture for 0. `params` are those of this backend.
         """
         ...

@@ -19,9 +19,7 @@ import numpy as np
 
 from afford.common.errors import SourceError
 from afford.common.text import read_utf8
-from afford.rgbd.readers.crops import centre, mapped
-from afford.rgbd.readers.pictures import picture
-from afford.rgbd.readers.static_set import Listed
+from afford.rgbd.readers.static_set import PictureEntry, centre_crop, decode_picture, map_labels
 from schemas.files import FileRef, FileTree
 from schemas.interaction import AFFORDANCES, BACKGROUND, StaticSample
 
@@ -30,19 +28,19 @@ OURS = {"cut": "cut", "grasp": "grasp", "hit": "hammer", "pound": "hammer", "w-g
 TABLE = np.array([BACKGROUND, *(AFFORDANCES.index(OURS[c]) if c in OURS else BACKGROUND for c in CLASSES)], np.uint8)
 OBJECTS = ("bowl", "tvm", "pan", "hammer", "knife", "cup", "drill", "racket", "spatula", "bottle")
 SPLIT_FILES = (("test.txt", "test"), ("val.txt", "val"), ("train_and_val.txt", "train"))
-"""the first that names a picture says its split"""
+"""split files by priority: the first one that names a picture decides"""
 FIX = "compare with the layout in docs/rgbd/interaction-data.md"
 
 
-def listed(files: FileTree, crop_px: int, every: int, params: None) -> tuple[Listed, ...]:
-    """Every n-th picture that has a label, by name."""
+def list_pictures(files: FileTree, crop_px: int, every: int, params: None) -> tuple[PictureEntry, ...]:
+    """List every n-th picture that has a label, by name."""
     at = {tuple(PurePosixPath(f.name).parts[-2:]): f for f in files.files}
     labels = sorted(stem for folder, stem in ((k[0], PurePosixPath(k[-1]).stem) for k in at) if folder == "affordances_labels")
     if not labels:
         raise SourceError(files.name, "affordances_labels/<picture>.txt", "no such file", FIX)
     splits = _splits(files)
     chosen = [(stem, splits.get(stem, "")) for stem in labels[::every]]
-    return tuple(Listed(split, partial(_sample, stem, at, split, crop_px)) for stem, split in chosen)
+    return tuple(PictureEntry(split, partial(_sample, stem, at, split, crop_px)) for stem, split in chosen)
 
 
 def _splits(files: FileTree) -> dict[str, str]:
@@ -59,19 +57,19 @@ def _sample(stem: str, at: dict[tuple[str, ...], FileRef], split: str, crop_px: 
     source = at.get(("rgb", f"{stem}.jpg")) or at.get(("rgb", f"{stem}.png"))
     if source is None:
         raise SourceError(f"rgb/{stem}.jpg", "the picture of a label", "nothing", FIX)
-    rgb = picture(source, cv2.IMREAD_COLOR, np.uint8, 3)[..., ::-1]
+    rgb = decode_picture(source, cv2.IMREAD_COLOR, np.uint8, 3)[..., ::-1]
     marks = at["affordances_labels", f"{stem}.txt"]
-    label = mapped(_rows(marks).astype(np.int64), TABLE, marks.name)
+    label = map_labels(_rows(marks).astype(np.int64), TABLE, marks.name)
     far = at.get(("depth", f"{stem}.txt")) or at.get(("deep", f"{stem}.txt"))
     depth = [] if far is None else [np.maximum(_rows(far), 0).astype(np.float32)]
-    (rgb, label, *depth), _ = centre(source.name, crop_px, rgb, label, *depth)
+    (rgb, label, *depth), _ = centre_crop(source.name, crop_px, rgb, label, *depth)
     return StaticSample(stem, "iit-aff", split, _thing(at.get(("object_labels", f"{stem}.txt"))),
                         np.ascontiguousarray(rgb), np.stack(depth) if depth else np.zeros((0, *label.shape), np.float32), label,
                         np.zeros((0, 3, 3)))  # fmt: skip
 
 
 def _rows(file: FileRef) -> np.ndarray:
-    """(h, w) float64 of a table of numbers in text; SourceError when a row is of another length, or no number."""
+    """Numbers (h, w) float64 of a text table; SourceError when rows differ in length or hold anything else."""
     lines = read_utf8(file.path, file.name).splitlines()
     try:
         found = np.array([line.split() for line in lines if line.strip()], np.float64)
@@ -83,7 +81,7 @@ def _rows(file: FileRef) -> np.ndarray:
 
 
 def _thing(file: FileRef | None) -> str:
-    """The thing that takes most room among those with a box; '' where none is given."""
+    """Class of the object with the largest box; '' without boxes."""
     if file is None:
         return ""
     boxes = _rows(file)

@@ -1,7 +1,7 @@
-"""One matrix of numbers out of a MATLAB 5 file: other variables are skipped, and no more is unpacked than the matrix states.
+"""Reader of one numeric matrix of a MATLAB 5 file; other variables are skipped, and decompression is bounded.
 
-A file is a header of 128 bytes and elements: a tag (type, bytes) and data, which may be another file's worth of elements or
-zlib-compressed. What a tag states is checked against what there is before it is read.
+A file is a header of 128 bytes and elements: a tag (type, bytes) and data, which may be elements again or zlib-compressed. The size
+in a tag is checked before its data is read.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from afford.common.errors import SourceError
 HEADER, TAG = 128, 8
 INT32, UINT32, MATRIX, COMPRESSED = 5, 6, 14, 15
 NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
-"""type of an element -> how its numbers lie in the file"""
+"""type of an element -> dtype of its numbers"""
 CLASSES = range(6, 16)
-"""of arrays: double, single and whole numbers; text, cells, objects and sparse matrices are others"""
+"""classes of numeric arrays: double, single and integers; text, cells, objects and sparse matrices have other classes"""
 COMPLEX = 0x08
 
 
@@ -29,12 +29,14 @@ class _Element(NamedTuple):
     kind: int
     data: memoryview
     end: int
-    """where the next element starts"""
+    """offset of the next element"""
 
 
 def read_matrix(data: bytes, variable: str, name: str) -> np.ndarray | None:
-    """Array of whole or real numbers called `variable`, as it lies in the file; the first where several have the name, None where
-    none has. SourceError for another file or a damaged one, TooLargeError when an array is larger than MAX_ARRAY_BYTES.
+    """Read the first array called `variable`, None when there is none.
+
+    Elements are whole or real numbers in the dtype of the file. SourceError for a damaged file or another format, TooLargeError
+    for an array beyond MAX_ARRAY_BYTES.
     """
     order = {b"IM": "<", b"MI": ">"}.get(data[126:HEADER])
     if order is None:
@@ -47,7 +49,7 @@ def read_matrix(data: bytes, variable: str, name: str) -> np.ndarray | None:
 
 
 def _matrices(data: memoryview, order: str, name: str) -> Iterator[memoryview]:
-    """The data of every matrix of a file, unpacked."""
+    """Yield the data of every matrix of a file, decompressed."""
     at = 0
     while at < len(data):
         element = _element(data, at, order, name, padded=False)
@@ -59,7 +61,7 @@ def _matrices(data: memoryview, order: str, name: str) -> Iterator[memoryview]:
 
 
 def _unpacked(data: memoryview, order: str, name: str) -> _Element:
-    """The one element in compressed data: its tag, and then as many bytes as that states."""
+    """Decompress the one element of compressed data: its tag, then the number of bytes in the tag."""
     unpack = zlib.decompressobj()
     try:
         tag = unpack.decompress(data, TAG)
@@ -78,7 +80,7 @@ def _unpacked(data: memoryview, order: str, name: str) -> _Element:
 
 
 def _parts(matrix: memoryview, order: str, name: str) -> list[_Element]:
-    """Flags, dimensions and name of a matrix, and its numbers when there are any."""
+    """Flags, dimensions and name of a matrix, and its numbers if any."""
     parts: list[_Element] = []
     at = 0
     while at < len(matrix) and len(parts) < 4:
@@ -104,7 +106,7 @@ def _numbers(parts: list[_Element], order: str, name: str) -> np.ndarray:
 
 
 def _element(data: memoryview, at: int, order: str, name: str, *, padded: bool) -> _Element:
-    """The element at a place; small ones have their length and data in the tag."""
+    """Element at an offset; small elements have length and data in the tag."""
     if at + TAG > len(data):
         raise _refused(name, "an end within a tag")
     kind, length = np.frombuffer(data[at : at + TAG], f"{order}u4").tolist()

@@ -21,7 +21,7 @@ import numpy as np
 from afford.common.errors import SourceError
 from afford.common.text import read_utf8
 from afford.dataset.sor3d_layout import DEPTH_MM
-from afford.rgbd.readers.pictures import picture
+from afford.rgbd.readers.static_set import decode_picture
 from schemas.files import FileRef, FileTree
 from schemas.interaction import ActionClip
 
@@ -31,8 +31,11 @@ PLAYER_BITS = 3
 FIX = "compare with the layout in docs/rgbd/interaction-data.md"
 
 
-def read(files: FileTree, size_px: int, most_frames: int) -> tuple[ActionClip, ...]:
-    """All actions of all sequences, by name; pictures squeezed to `size_px` each way, frames spread evenly over an action."""
+def read_actions(files: FileTree, size_px: int, most_frames: int) -> tuple[ActionClip, ...]:
+    """Read all actions of all sequences, by name.
+
+    Pictures are resized to `size_px` squares; frames are spread evenly over an action.
+    """
     table = next((f for f in files.files if PurePosixPath(f.name).name == LABELS), None)
     if table is None:
         raise SourceError(files.name, LABELS, "no such file", FIX)
@@ -46,7 +49,7 @@ def read(files: FileTree, size_px: int, most_frames: int) -> tuple[ActionClip, .
 
 
 def _rows(table: FileRef) -> list[tuple[str, str, int, int]]:
-    """Sequence, action, first and last number."""
+    """Sequence, action, first and last frame number of each line."""
     out, sequence = [], ""
     for number, line in enumerate(read_utf8(table.path, table.name).splitlines(), 1):
         action, colon, numbers = (word.strip() for word in line.partition(":"))
@@ -63,7 +66,7 @@ def _rows(table: FileRef) -> list[tuple[str, str, int, int]]:
 
 
 def _shown(at: Iterable[tuple[str, ...]]) -> dict[str, list[int]]:
-    """Sequence -> the numbers of its pictures, in order."""
+    """Frame numbers of each sequence's pictures, in order."""
     out: dict[str, list[int]] = {}
     for sequence, name in at:
         number = PICTURE.fullmatch(name)
@@ -80,8 +83,8 @@ def _clip(row: tuple[str, str, int, int], at: dict[tuple[str, ...], FileRef], sh
         return None
     numbers = [numbers[k] for k in np.unique(np.linspace(0, len(numbers) - 1, min(most, len(numbers))).round().astype(int))]
     size = (size_px, size_px)
-    rgb = [cv2.resize(picture(at[sequence, f"colorImg{k}.jpg"], cv2.IMREAD_COLOR, np.uint8, 3), size, interpolation=cv2.INTER_AREA)
-           for k in numbers]  # fmt: skip
+    pictures = (decode_picture(at[sequence, f"colorImg{k}.jpg"], cv2.IMREAD_COLOR, np.uint8, 3) for k in numbers)
+    rgb = [cv2.resize(picture, size, interpolation=cv2.INTER_AREA) for picture in pictures]
     far = [at.get((sequence, f"depthImg{k}.xml")) for k in numbers]
     depth = np.zeros((len(numbers), *size), np.float32)
     if all(file is not None for file in far):
@@ -90,7 +93,7 @@ def _clip(row: tuple[str, str, int, int], at: dict[tuple[str, ...], FileRef], sh
 
 
 def _depth(file: FileRef) -> np.ndarray:
-    """(h, w) float32 metres."""
+    """Depth (h, w) float32 in metres."""
     data = file.path.read_bytes()
     if b"<!DOCTYPE" in data or b"<!ENTITY" in data:
         raise SourceError(file.name, "plain XML", "a document type", "get the file again from its source")

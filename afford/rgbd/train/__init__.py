@@ -1,1 +1,1 @@
-"""Training of the SOR3D-AFF model and of the detector."""
+"""Training of the SOR3D-AFF model, of its pre-training and of the detector."""

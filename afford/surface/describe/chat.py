@@ -7,8 +7,7 @@ from functools import partial
 from afford.models.chat import Question, ask
 from afford.render.views.draw import contact_sheet, sheet_labels
 from afford.surface.describe import Served, Vlm
-from afford.surface.describe import prompt as prompt_module
-from afford.surface.describe.prompt import part_prompt
+from afford.surface.describe.prompt import parse_answer, part_prompt
 from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.surface import PartDescription
 
@@ -33,4 +32,4 @@ def _describe(mesh: ObjectMesh, views: ObjectViews, task: str, params: Vlm | Ser
 
 
 def _parse(name: str, task: str, text: str, backend: str) -> PartDescription:
-    return prompt_module.parse_answer(text, name, task, backend)
+    return parse_answer(text, name, task, backend)

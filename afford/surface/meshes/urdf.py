@@ -1,11 +1,15 @@
-"""URDF files: all visual shapes at the places that their joints have at zero, in metres as the format says."""
+"""Read URDF files: their XML elements, and the visual surface of an object with all joints at zero, in metres.
+
+The reader of robot hands (`afford/grasping/hand/read_urdf.py`) shares the functions for elements. The parser reads no other file:
+external entities are refused.
+"""
 
 from __future__ import annotations
 
 import posixpath
 import xml.etree.ElementTree as Xml
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -30,14 +34,17 @@ from schemas.files import FileRef, FileTree
 
 ReadMesh = Callable[[FileTree, FileRef], Surface]
 PACKAGE = "package://"
-TRIANGLES = {"box": 12, "sphere": 1280, "cylinder": 128}
-"""of the shapes that a URDF describes, as they are drawn"""
+SIZES = {"box": (("size", 3),), "sphere": (("radius", 1),), "cylinder": (("radius", 1), ("length", 1)),
+         "capsule": (("radius", 1), ("length", 1))}  # fmt: skip
+"""shape -> its attributes and the count of numbers in each; the standard has no capsule, but engines read it"""
+TRIANGLES = {"mesh": 0, "box": 12, "sphere": 1280, "cylinder": 128}
+"""shapes of an object -> triangles of each; those of a mesh are counted when its file is read"""
 MAX_DEPTH = 256
-"""joints between a link and the base: an arm with a hand has 15; each link costs as many products of matrices"""
+"""joints between a link and the base, at most: an arm with a hand has 15; each link costs as many matrix products"""
 
 
 def parse(content: str, name: str) -> Xml.Element:
-    """The root element; SourceError when it is no URDF."""
+    """Parse the XML of a URDF and return its root element; SourceError for other content."""
     try:
         root = Xml.fromstring(content)
     except Xml.ParseError as error:
@@ -48,12 +55,15 @@ def parse(content: str, name: str) -> Xml.Element:
 
 
 def mesh_names(root: Xml.Element, name: str, where: str) -> list[str]:
-    """References to meshes under `where`, which is visual or collision."""
+    """List the references to meshes under `where`, which is visual or collision."""
     return [filename(mesh, name) for mesh in root.findall(f"link/{where}/geometry/mesh")]
 
 
 def candidates(base: str, reference: str) -> list[str]:
-    """Names that a reference may mean: a `package://` is looked for in the folder of the URDF and in those above it."""
+    """List the file names that a reference may mean.
+
+    A `package://` is looked up in the folder of the URDF and in all folders above it.
+    """
     if not reference.startswith(PACKAGE):
         return [resolve_reference(base, reference.removeprefix("file://") if reference.startswith("file://.") else reference)]
     package, _, rest = reference.removeprefix(PACKAGE).partition("/")
@@ -71,10 +81,10 @@ def candidates(base: str, reference: str) -> list[str]:
 
 
 def read_urdf(files: FileTree, file: FileRef, read_mesh: ReadMesh) -> Surface:
-    """One surface; the group of a face is the name of its link."""
+    """Read all visual shapes as one surface; the group of a face is the name of its link."""
     root = parse(decode_text(file), file.name)
     poses = _poses(root, file.name)
-    colours = {m.get("name", ""): m.find("color") for m in root.findall("material")}
+    colours = named_colours(root)
     found: list[Surface] = []
     shapes = _Shapes(files, file, read_mesh, root)
     for link in root.findall("link"):
@@ -85,12 +95,12 @@ def read_urdf(files: FileTree, file: FileRef, read_mesh: ReadMesh) -> Surface:
             found.append(replace(transform_surface(painted, poses[name] @ origin(visual, file.name)), groups=(name,),
                                  group=np.zeros(len(shape.faces), np.int64)))
     if not found:
-        raise SourceError(file.name, "a link with a <visual>", "none", "add the visual meshes")
+        raise SourceError(file.name, "a link with a <visual>", "links without visuals", "add the visual meshes")
     return join_surfaces(found, "m")
 
 
 class _Shapes:
-    """The shapes of one URDF: each mesh file is read once, and the triangles of all copies are counted before they are made."""
+    """Shapes of one URDF. Each mesh file is read once; the triangles of all copies are counted before they are allocated."""
 
     def __init__(self, files: FileTree, file: FileRef, read_mesh: ReadMesh, root: Xml.Element) -> None:
         kinds = list(root.iterfind("link/visual/geometry/*"))
@@ -102,12 +112,9 @@ class _Shapes:
         self._count(sum(TRIANGLES.get(kind.tag, 0) for kind in kinds))
 
     def read(self, visual: Xml.Element) -> Surface:
-        """The geometry of a visual, in its own frame; SourceError for none, or for too many triangles together."""
-        geometry = visual.find("geometry")
-        kind = next(iter(geometry), None) if geometry is not None else None
-        if kind is None:
-            raise SourceError(self.file.name, "a shape in <geometry>", "nothing", "name a mesh")
-        return self._mesh(kind) if kind.tag == "mesh" else _plain(_solid(kind, self.file.name))
+        """Read the geometry of a visual in its own frame; SourceError for an unknown shape or too many triangles."""
+        kind = shape_element(visual, self.file.name, tuple(TRIANGLES))
+        return self._mesh(kind) if kind.tag == "mesh" else _solid(kind, self.file.name)
 
     def _count(self, triangles: int) -> None:
         self._triangles += triangles
@@ -123,49 +130,36 @@ class _Shapes:
         return transform_surface(self._meshes[found.name], np.diag([*numbers(kind, "scale", (1.0, 1.0, 1.0), self.file.name), 1.0]))
 
 
-def _plain(solid: trimesh.Trimesh) -> Surface:
-    return plain_surface(solid.vertices, solid.faces)
-
-
 def mesh_file(files: FileTree, file: FileRef, mesh: Xml.Element) -> FileRef:
-    """The file that a <mesh> names; SourceError when it is not there."""
+    """Find the file that a <mesh> names; SourceError when it does not exist."""
     found = (files.find(name) for name in candidates(file.name, filename(mesh, file.name)))
     present = next((f for f in found if f is not None), None)
     return present or find_reference(files, file.name, filename(mesh, file.name).removeprefix(PACKAGE))
 
 
-def _solid(kind: Xml.Element, name: str) -> trimesh.Trimesh:
-    if kind.tag == "box":
-        return trimesh.creation.box(numbers(kind, "size", None, name))
-    if kind.tag == "sphere":
-        return trimesh.creation.icosphere(3, float(numbers(kind, "radius", None, name, 1)[0]))
-    if kind.tag == "cylinder":
-        return trimesh.creation.cylinder(numbers(kind, "radius", None, name, 1)[0], numbers(kind, "length", None, name, 1)[0])
-    raise SourceError(name, "a mesh, box, sphere or cylinder", f"<{kind.tag}>", "export it as a mesh")
+def _solid(kind: Xml.Element, name: str) -> Surface:
+    sizes = dimensions(kind, name)
+    made = {"box": lambda: trimesh.creation.box(sizes), "sphere": lambda: trimesh.creation.icosphere(3, float(sizes[0])),
+            "cylinder": lambda: trimesh.creation.cylinder(*sizes)}[kind.tag]()  # fmt: skip
+    return plain_surface(made.vertices, made.faces)
 
 
 def _painted(shape: Surface, visual: Xml.Element, colours: dict[str, Xml.Element | None], name: str) -> Surface:
-    """Shapes of one grey colour take the colour of the URDF; images and colours of the mesh win."""
-    material = visual.find("material")
-    if material is None or any(image.size > 3 for image in shape.images) or (shape.paint < 0).any() or len(shape.images) > 1:
+    """Paint a shape of one grey colour with the colour of the URDF; images and colours of the mesh take precedence."""
+    if any(image.size > 3 for image in shape.images) or (shape.paint < 0).any() or len(shape.images) > 1:
         return shape
-    colour = material.find("color")
-    if colour is None:
-        colour = colours.get(material.get("name", ""))
-    if colour is None:
+    rgb = colour_of(visual.find("material"), colours, name)
+    if rgb is None:
         return shape
-    rgb = np.clip(numbers(colour, "rgba", None, name, 4)[:3], 0, 1)
     return replace(shape, images=tuple(np.round(rgb * 255).astype(np.uint8).reshape(1, 1, 3) for _ in shape.images))
 
 
 def _poses(root: Xml.Element, name: str) -> dict[str, np.ndarray]:
-    """Link -> (4, 4) pose in the base, all joints at zero."""
+    """Compute the pose of every link in the base frame, (4, 4), with all joints at zero."""
     joints = {}
     for joint in root.findall("joint"):
-        parent, child = joint.find("parent"), joint.find("child")
-        if parent is None or child is None:
-            raise SourceError(name, "parent and child in every joint", f"joint {joint.get('name')!r} without", "correct the URDF")
-        joints[child.get("link", "")] = (parent.get("link", ""), origin(joint, name))
+        parent, child = joint_links(joint, name)
+        joints[child] = (parent, origin(joint, name))
     out = {}
     for link in (element.get("name", "") for element in root.findall("link")):
         T, at, seen = np.eye(4), link, set()
@@ -182,7 +176,7 @@ def _poses(root: Xml.Element, name: str) -> dict[str, np.ndarray]:
 
 
 def origin(element: Xml.Element, name: str) -> np.ndarray:
-    """(4, 4) of its <origin>, the identity when it has none."""
+    """Read an <origin> as a (4, 4) pose; the identity when there is none."""
     place = element.find("origin")
     if place is None:
         return np.eye(4)
@@ -192,16 +186,56 @@ def origin(element: Xml.Element, name: str) -> np.ndarray:
     return T
 
 
+def shape_element(element: Xml.Element, name: str, kinds: Sequence[str]) -> Xml.Element:
+    """Return the shape in the <geometry> of a <visual> or <collision>; SourceError when it is none of `kinds`."""
+    geometry = element.find("geometry")
+    kind = next(iter(geometry), None) if geometry is not None else None
+    if kind is None or kind.tag not in kinds:
+        got = "nothing" if kind is None else f"<{kind.tag}>"
+        raise SourceError(name, f"one of {', '.join(kinds)} in <geometry>", got, "export the shape as a mesh")
+    return kind
+
+
+def dimensions(shape: Xml.Element, name: str) -> np.ndarray:
+    """Read the numbers of a box (3 sides), sphere (radius), cylinder or capsule (radius, length), in metres."""
+    return np.concatenate([numbers(shape, key, None, name, count) for key, count in SIZES[shape.tag]])
+
+
+def named_colours(root: Xml.Element) -> dict[str, Xml.Element | None]:
+    """Map the names of the materials of a robot to their <color>."""
+    return {material.get("name", ""): material.find("color") for material in root.findall("material")}
+
+
+def colour_of(material: Xml.Element | None, named: dict[str, Xml.Element | None], name: str) -> np.ndarray | None:
+    """Return the (3,) RGB of a material, 0..1, its own or that of its name; None when neither has a colour."""
+    if material is None:
+        return None
+    colour = material.find("color")
+    if colour is None:
+        colour = named.get(material.get("name", ""))
+    return None if colour is None else np.clip(numbers(colour, "rgba", None, name, 4)[:3], 0, 1)
+
+
+def joint_links(joint: Xml.Element, name: str) -> tuple[str, str]:
+    """Return the names of the parent and the child link of a joint; SourceError when either is missing."""
+    parent, child = joint.find("parent"), joint.find("child")
+    if parent is None or child is None:
+        missing = "<parent>" if parent is None else "<child>"
+        where = f"{name}, joint {joint.get('name', '')!r}"
+        raise SourceError(where, "a <parent> and a <child>", f"no {missing}", "correct the URDF")
+    return parent.get("link", ""), child.get("link", "")
+
+
 def filename(mesh: Xml.Element, name: str) -> str:
-    """What a <mesh> refers to."""
+    """Return the reference of a <mesh>."""
     found = mesh.get("filename", "")
     if not found:
-        raise SourceError(name, "filename in every <mesh>", "none", "name the mesh file")
+        raise SourceError(name, "a filename in every <mesh>", "an empty one", "name the mesh file")
     return found
 
 
 def numbers(element: Xml.Element, key: str, default: tuple[float, ...] | None, name: str, count: int = 3) -> np.ndarray:
-    """`count` numbers of an attribute; SourceError when they are not there."""
+    """Read `count` finite numbers of an attribute; SourceError when they are missing or malformed."""
     given = element.get(key)
     if given is None and default is not None:
         return np.array(default)

@@ -1,1 +1,1 @@
-"""Things in kitchens and workshops, and how they are gripped."""
+"""Graspable scene objects of kitchen, workshop and desk, with materials, joints and grips."""

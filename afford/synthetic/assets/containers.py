@@ -1,11 +1,11 @@
-"""Cooking vessels: kettle, pan, jar, bottle, water bottle."""
+"""Containers: kettle, pan, jar, bottles, cardboard box, drink carton, can."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from afford.render import materials
-from afford.render.mesh import merge, moved, transform
+from afford.render.mesh import merge, transform, translate
 from afford.render.solids import box, extrude, lathe, tube
 from afford.synthetic.assets.object_model import UP, Joint, ObjectModel, Part, along, around, over, pinch, rod, sides, with_mirror
 
@@ -128,11 +128,11 @@ def jar(rng: np.random.Generator) -> ObjectModel:
 
 
 def package(rng: np.random.Generator) -> ObjectModel:
-    """A printed cardboard box; its top is a flap on a hinge at the back."""
+    """A printed cardboard box whose top is a flap on a hinge at the back."""
     w, d, h = rng.uniform(0.10, 0.15), rng.uniform(0.045, 0.062), rng.uniform(0.14, 0.20)
     print_ = materials.carton(rng)
     body = box((w, d, h - 0.002), 0.0012)
-    flap = moved(box((w, d, 0.002), 0.0006), 0, 0, h - 0.002)
+    flap = translate(box((w, d, 0.002), 0.0006), 0, 0, h - 0.002)
     parts = (Part("body", body, print_), Part("flap", flap, materials.carton(rng), moving=True))
     joint = Joint("hinge", (0, d / 2, h - 0.001), (-1, 0, 0), 0.0, 1.9)
     grips = (
@@ -150,11 +150,11 @@ def carton(rng: np.random.Generator) -> ObjectModel:
     body = box((w, w, h), 0.002)
     gable = extrude(np.array([(-w / 2, 0), (w / 2, 0), (0.004, 0.028), (-0.004, 0.028)]), w)
     T = np.array([[0, 0, 1, -w / 2], [1, 0, 0, 0], [0, 1, 0, h], [0, 0, 0, 1.0]])
-    fin = moved(box((w, 0.004, 0.016), 0.0005), 0, 0, h + 0.026)
+    fin = translate(box((w, 0.004, 0.016), 0.0005), 0, 0, h + 0.026)
     cap = lathe(np.array([(0.0125, 0), (0.0125, 0.014), (0.011, 0.016), (0, 0.016)]), 20)
     parts = (
         Part("body", merge(body, transform(gable, T), fin), side),
-        Part("cap", moved(cap, 0, -w / 4, h + 0.008), materials.plastic(rng)),
+        Part("cap", translate(cap, 0, -w / 4, h + 0.008), materials.plastic(rng)),
     )
     return ObjectModel(
         "carton",
@@ -166,7 +166,7 @@ def carton(rng: np.random.Generator) -> ObjectModel:
 
 
 def can(rng: np.random.Generator) -> ObjectModel:
-    """A tin with a printed wrapper."""
+    """A tin can with a printed wrapper."""
     r, h = rng.uniform(0.033, 0.040), rng.uniform(0.09, 0.12)
     steel = lathe(
         np.array(

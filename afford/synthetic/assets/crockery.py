@@ -1,11 +1,11 @@
-"""Crockery and table things: mug, bowl, plate, spoon, knife, spatula, board."""
+"""Tableware and kitchen tools: mug, bowl, plate, spoon, knife, spatula, chopping board."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from afford.render import materials
-from afford.render.mesh import merge, moved, transform
+from afford.render.mesh import merge, transform, translate
 from afford.render.solids import box, extrude, lathe, tube
 from afford.synthetic.assets.object_model import LEFT, UP, ObjectModel, Part, along, around, edge, mirror_grip, over, pinch, rod
 
@@ -64,7 +64,7 @@ def plate(rng: np.random.Generator) -> ObjectModel:
 
 
 def spoon(rng: np.random.Generator) -> ObjectModel:
-    """A long cooking spoon that lies on the table, handle towards -y."""
+    """A long cooking spoon lying on the table, handle towards -y."""
     length, wood = rng.uniform(0.20, 0.27), rng.random() < 0.5
     y = np.linspace(-length / 2, length / 2 - 0.05, 18)
     lift = 0.0075 + 0.004 * np.sin(np.linspace(0, np.pi, 18))
@@ -80,7 +80,7 @@ def spoon(rng: np.random.Generator) -> ObjectModel:
         28,
     )
     scale = np.diag([1.0, 1.45, 1.0, 1.0])
-    head = moved(transform(cup, scale), 0, length / 2 - 0.028, 0.0115)
+    head = translate(transform(cup, scale), 0, length / 2 - 0.028, 0.0115)
     look = materials.wood(rng, size=256) if wood else materials.metal(rng)
     return ObjectModel(
         "spoon",
@@ -92,25 +92,25 @@ def spoon(rng: np.random.Generator) -> ObjectModel:
 
 
 def knife(rng: np.random.Generator) -> ObjectModel:
-    """A kitchen knife that lies flat, edge towards +x, handle towards -y."""
+    """A kitchen knife lying flat, edge towards +x, handle towards -y."""
     blade, handle, deep = rng.uniform(0.15, 0.19), rng.uniform(0.105, 0.12), rng.uniform(0.034, 0.046)
     s = np.linspace(0, 1, 12)
     cut = np.stack([deep * (1 - 0.08 * s - 0.92 * s**4), blade * s], -1)
     outline = np.concatenate([[(0.0, 0.0)], cut, [(0.0, blade * 0.94)]])
-    steel = moved(extrude(outline, 0.0022, uv_per_m=6), -deep * 0.35, 0.0, 0.0085)
+    steel = translate(extrude(outline, 0.0022, uv_per_m=6), -deep * 0.35, 0.0, 0.0085)
     y = np.linspace(-handle, 0.004, 14)
     thick = 0.0125 + 0.0015 * np.sin(np.linspace(0, 2.2 * np.pi, 14))
     grip = tube(np.stack([0 * y - 0.002, y, 0 * y + 0.0096], -1), thick, 16, flat=0.72, repeat=(1, 1))
     look = materials.wood(rng, size=256) if rng.random() < 0.5 else materials.plastic(rng, (46, 44, 44))
     rivets = [
-        moved(lathe(np.array([(0, 0.0), (0.0035, 0.0), (0.0032, 0.001), (0, 0.0012)]), 12), -0.002, -handle * f, 0.0180)
+        translate(lathe(np.array([(0, 0.0), (0.0035, 0.0), (0.0032, 0.001), (0, 0.0012)]), 12), -0.002, -handle * f, 0.0180)
         for f in (0.25, 0.5, 0.75)
     ]
     shift = (handle - blade) / 2
     parts = (
-        Part("blade", moved(steel, 0, shift), materials.metal(rng, tone=185)),
-        Part("handle", moved(grip, 0, shift), look),
-        Part("rivets", moved(merge(*rivets), 0, shift), materials.metal(rng)),
+        Part("blade", translate(steel, 0, shift), materials.metal(rng, tone=185)),
+        Part("handle", translate(grip, 0, shift), look),
+        Part("rivets", translate(merge(*rivets), 0, shift), materials.metal(rng)),
     )
     at = (0.0, shift - 0.45 * handle, 0.010)
     return ObjectModel(
@@ -128,14 +128,14 @@ def spatula(rng: np.random.Generator) -> ObjectModel:
     y = np.linspace(-stick, 0.0, 12)
     bend = 0.010 + 0.012 * np.sin(np.linspace(0, np.pi, 12)) ** 2
     handle = tube(np.stack([0 * y, y, bend], -1), np.linspace(0.009, 0.0055, 12), 12, flat=0.7)
-    bars = [moved(box((0.011, 0.075, 0.0022), 0.0006, uv_per_m=8), x, 0.052, 0.005) for x in (-0.027, -0.009, 0.009, 0.027)]
-    rails = [moved(box((0.066, 0.013, 0.0022), 0.0006, uv_per_m=8), 0, v, 0.005) for v in (0.014, 0.090)]
+    bars = [translate(box((0.011, 0.075, 0.0022), 0.0006, uv_per_m=8), x, 0.052, 0.005) for x in (-0.027, -0.009, 0.009, 0.027)]
+    rails = [translate(box((0.066, 0.013, 0.0022), 0.0006, uv_per_m=8), 0, v, 0.005) for v in (0.014, 0.090)]
     neck = tube(np.array([(0, -0.004, 0.0095), (0, 0.006, 0.008), (0, 0.018, 0.006)]), 0.005, 10)
     shift = (stick - 0.095) / 2
     blade = materials.metal(rng) if rng.random() < 0.5 else materials.plastic(rng)
     parts = (
-        Part("handle", moved(handle, 0, shift), materials.plastic(rng)),
-        Part("blade", moved(merge(*bars, *rails, neck), 0, shift), blade),
+        Part("handle", translate(handle, 0, shift), materials.plastic(rng)),
+        Part("blade", translate(merge(*bars, *rails, neck), 0, shift), blade),
     )
     return ObjectModel(
         "spatula", "spatula", parts, pinch("handle", (0, shift - 0.62 * stick, 0.014), 0.016), tip=(0.0, shift + 0.085, 0.005)
@@ -143,11 +143,11 @@ def spatula(rng: np.random.Generator) -> ObjectModel:
 
 
 def board(rng: np.random.Generator) -> ObjectModel:
-    """A chopping board with a hole to hang it by."""
+    """A chopping board with a hanging hole."""
     wide, long, thick = rng.uniform(0.20, 0.25), rng.uniform(0.28, 0.33), rng.uniform(0.014, 0.020)
     slab = box((wide, long, thick), 0.004, uv_per_m=3.2)
     ring = lathe(np.array([(0.0, 0.0), (0.011, 0.0), (0.011, 0.0004), (0, 0.0005)]), 20)
-    hole = moved(ring, 0, -0.42 * long, thick)
+    hole = translate(ring, 0, -0.42 * long, thick)
     plank = materials.wood(rng, planks=int(rng.integers(2, 6)))
     parts = (Part("board", slab, plank), Part("hole", hole, materials.plastic(rng, (30, 26, 22))))
     return ObjectModel("board", "board:chopping", parts, edge("edge", (wide / 2, -0.02, thick), thick), opening=None)

@@ -1,4 +1,4 @@
-"""Desk: stapler, scissors, tape, book, laptop, pen cup, phone."""
+"""Desk objects: stapler, scissors, tape, book, laptop, pen cup, phone."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from afford.render import materials
-from afford.render.mesh import merge, moved, transform
+from afford.render.mesh import merge, transform, translate
 from afford.render.patterns import flat, image
 from afford.render.scene import Material
 from afford.render.solids import box, extrude, lathe, tube
@@ -14,7 +14,7 @@ from afford.synthetic.assets.object_model import Joint, ObjectModel, Part, along
 
 
 def stapler(rng: np.random.Generator) -> ObjectModel:
-    """A stapler, mouth towards +y; its top arm swings about the back end."""
+    """A stapler, mouth towards +y, whose top arm is hinged at the back end."""
     long = rng.uniform(0.13, 0.16)
     base = box((0.036, long, 0.012), 0.003, uv_per_m=8)
     y = np.linspace(-long / 2, long / 2 - 0.004, 12)
@@ -24,7 +24,7 @@ def stapler(rng: np.random.Generator) -> ObjectModel:
         18,
         flat=0.8,
     )
-    rail = moved(box((0.015, long * 0.92, 0.010), 0.001, uv_per_m=8), 0, 0, 0.014)
+    rail = translate(box((0.015, long * 0.92, 0.010), 0.001, uv_per_m=8), 0, 0, 0.014)
     parts = (
         Part("base", base, materials.plastic(rng, (50, 50, 54))),
         Part("rail", rail, materials.metal(rng), moving=True),
@@ -42,7 +42,7 @@ def stapler(rng: np.random.Generator) -> ObjectModel:
 
 
 def scissors(rng: np.random.Generator) -> ObjectModel:
-    """Scissors that lie, points towards +y; one half swings."""
+    """Lying scissors, points towards +y, with one moving half."""
     long = rng.uniform(0.16, 0.20)
     steel, hue = materials.metal(rng, tone=180), materials.plastic(rng)
     halves = []
@@ -59,8 +59,8 @@ def scissors(rng: np.random.Generator) -> ObjectModel:
             np.array([0.006, 0.0055, 0.005]),
             10,
         )
-        halves.append((moved(blade, 0, 0, 0.004 + 0.002 * (sign < 0)), merge(eye, arm)))
-    pin = moved(lathe(np.array([(0.005, 0), (0.005, 0.003), (0, 0.004)]), 16), 0, 0.0, 0.007)
+        halves.append((translate(blade, 0, 0, 0.004 + 0.002 * (sign < 0)), merge(eye, arm)))
+    pin = translate(lathe(np.array([(0.005, 0), (0.005, 0.003), (0, 0.004)]), 16), 0, 0.0, 0.007)
     parts = (
         Part("blade", halves[0][0], steel),
         Part("handle", halves[0][1], hue),
@@ -79,7 +79,7 @@ def scissors(rng: np.random.Generator) -> ObjectModel:
 
 
 def tape(rng: np.random.Generator) -> ObjectModel:
-    """A roll of parcel tape that stands flat."""
+    """A roll of parcel tape standing on its flat side."""
     r, h = rng.uniform(0.042, 0.052), rng.uniform(0.035, 0.05)
     hole = r * 0.72
     roll = lathe(np.array([(hole + 0.003, 0), (r, 0), (r, h), (hole + 0.003, h)]), 48, repeat_u=6)
@@ -89,13 +89,13 @@ def tape(rng: np.random.Generator) -> ObjectModel:
 
 
 def book(rng: np.random.Generator) -> ObjectModel:
-    """A bound book that lies, spine to the left; its cover opens about the spine."""
+    """A lying book, spine to the left, whose cover opens about the spine."""
     w, d, h = rng.uniform(0.13, 0.17), rng.uniform(0.19, 0.23), rng.uniform(0.018, 0.032)
     cover, text = materials.carton(rng), materials.paper(rng)
-    leaves = moved(box((w - 0.008, d - 0.010, h - 0.008), 0.0), 0, 0, 0.003)
-    top_page = moved(box((w - 0.010, d - 0.012, 0.0008), 0.0), 0, 0, h - 0.0052)
-    back = merge(box((w, d, 0.003), 0.0006), moved(box((0.003, d, h), 0.0006), -w / 2 - 0.001))
-    front = moved(box((w, d, 0.003), 0.0006), 0, 0, h - 0.003)
+    leaves = translate(box((w - 0.008, d - 0.010, h - 0.008), 0.0), 0, 0, 0.003)
+    top_page = translate(box((w - 0.010, d - 0.012, 0.0008), 0.0), 0, 0, h - 0.0052)
+    back = merge(box((w, d, 0.003), 0.0006), translate(box((0.003, d, h), 0.0006), -w / 2 - 0.001))
+    front = translate(box((w, d, 0.003), 0.0006), 0, 0, h - 0.003)
     parts = (
         Part("leaves", leaves, materials.pages(rng)),
         Part("page", top_page, text),
@@ -111,14 +111,14 @@ def book(rng: np.random.Generator) -> ObjectModel:
 
 
 def laptop(rng: np.random.Generator) -> ObjectModel:
-    """A closed laptop; its screen opens about the back edge."""
+    """A closed laptop whose screen opens about the back edge."""
     w, d = rng.uniform(0.27, 0.31), rng.uniform(0.19, 0.22)
     shell = materials.metal(rng) if rng.random() < 0.5 else materials.plastic(rng, (70, 72, 78))
     base = box((w, d, 0.012), 0.003, uv_per_m=4)
-    keys = moved(box((w - 0.03, d * 0.55, 0.0006), 0.0), 0, 0.02, 0.0120)
-    lid = moved(box((w, d, 0.007), 0.002, uv_per_m=4), 0, 0, 0.0135)
-    screen = moved(transform(box((w - 0.02, d - 0.02, 0.0005), 0.0), np.diag([1.0, 1.0, -1.0, 1.0])), 0, 0, 0.0134)
-    badge = moved(lathe(np.array([(0.0, 0.0), (0.018, 0), (0.018, 0.0004), (0, 0.0005)]), 24), 0, 0, 0.0205)
+    keys = translate(box((w - 0.03, d * 0.55, 0.0006), 0.0), 0, 0.02, 0.0120)
+    lid = translate(box((w, d, 0.007), 0.002, uv_per_m=4), 0, 0, 0.0135)
+    screen = translate(transform(box((w - 0.02, d - 0.02, 0.0005), 0.0), np.diag([1.0, 1.0, -1.0, 1.0])), 0, 0, 0.0134)
+    badge = translate(lathe(np.array([(0.0, 0.0), (0.018, 0), (0.018, 0.0004), (0, 0.0005)]), 24), 0, 0, 0.0205)
     parts = (
         Part("base", base, shell),
         Part("keys", keys, _keyboard(rng)),
@@ -164,10 +164,10 @@ def cup(rng: np.random.Generator) -> ObjectModel:
 
 
 def phone(rng: np.random.Generator) -> ObjectModel:
-    """A mobile phone that lies face up."""
+    """A mobile phone lying face up."""
     w, d = rng.uniform(0.070, 0.078), rng.uniform(0.145, 0.160)
     body = box((w, d, 0.009), 0.003, uv_per_m=10)
-    glass = moved(box((w - 0.005, d - 0.006, 0.0006), 0.0), 0, 0, 0.009)
+    glass = translate(box((w - 0.005, d - 0.006, 0.0006), 0.0), 0, 0, 0.009)
     parts = (Part("body", body, materials.plastic(rng)), Part("screen", glass, materials.carton(rng)))
     return ObjectModel(
         "phone", "phone", parts, (*edge("edge", (w / 2, -0.02, 0.008), 0.010), *pinch("side", (0.0, 0.0, 0.006), w))

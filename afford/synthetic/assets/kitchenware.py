@@ -1,4 +1,4 @@
-"""More kitchen things, which only the training kitchens hold: jug, ladle, fork, whisk, pot, glass, grinder, brush."""
+"""Objects that only training kitchens contain: jug, ladle, fork, whisk, pot, glass, pepper grinder, brush."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from afford.render import materials
-from afford.render.mesh import Mesh, merge, mesh, moved, transform
-from afford.render.motion import about, pose
+from afford.render.mesh import Mesh, merge, mesh, transform, translate
+from afford.render.motion import axis_angle, pose
 from afford.render.scene import Material
 from afford.render.solids import extrude, lathe, tube
 from afford.synthetic.assets.object_model import (
@@ -28,11 +28,11 @@ from afford.synthetic.assets.object_model import (
 )
 
 TINTS = ((206, 222, 226), (196, 218, 204), (222, 214, 196), (172, 190, 214), (214, 188, 160))
-"""Colours of the glass of tumblers."""
+"""Tints of glass tumblers."""
 
 
 def jug(rng: np.random.Generator) -> ObjectModel:
-    """An open jug: a lip (+y), one handle at the back (-y)."""
+    """An open jug with a lip (+y) and one handle at the back (-y)."""
     foot, r, h = rng.uniform(0.040, 0.052), rng.uniform(0.046, 0.056), rng.uniform(0.15, 0.20)
     throat, mouth, wall = r * rng.uniform(0.72, 0.96), r * rng.uniform(0.84, 1.05), 0.004
     s = np.linspace(0, 1, 14)
@@ -52,7 +52,7 @@ def jug(rng: np.random.Generator) -> ObjectModel:
 
 
 def ladle(rng: np.random.Generator) -> ObjectModel:
-    """A ladle that rests on its bowl and on the end of its handle, which points towards -y."""
+    """A ladle resting on its bowl and on the end of its handle, which points towards -y."""
     r, length, steel = rng.uniform(0.034, 0.043), rng.uniform(0.20, 0.25), rng.random() < 0.6
     a = np.linspace(0, 0.46 * np.pi, 9)
     cup = np.stack([r * np.sin(a), r * 0.85 * (1 - np.cos(a))], -1)
@@ -64,12 +64,12 @@ def ladle(rng: np.random.Generator) -> ObjectModel:
     held = look if rng.random() < 0.4 else materials.plastic(rng)
     shift = length / 2
     at = (0.0, float(y[4]) + shift, float(z[4]))
-    parts = (Part("bowl", moved(bowl, 0, shift), look), Part("handle", moved(stick, 0, shift), held))
+    parts = (Part("bowl", translate(bowl, 0, shift), look), Part("handle", translate(stick, 0, shift), held))
     return ObjectModel("ladle", "ladle", parts, _stick(at, 0.016), tip=(0.0, shift, 0.004))
 
 
 def fork(rng: np.random.Generator) -> ObjectModel:
-    """A large serving fork of two to four tines, handle towards -y."""
+    """A large serving fork with two to four tines, handle towards -y."""
     stick, count, tine = rng.uniform(0.15, 0.19), int(rng.integers(2, 5)), rng.uniform(0.055, 0.075)
     half = 0.0055 * (count - 1) + rng.uniform(0.002, 0.005)
     y = np.linspace(-stick, 0.0, 14)
@@ -83,41 +83,41 @@ def fork(rng: np.random.Generator) -> ObjectModel:
     steel = materials.metal(rng)
     held = steel if rng.random() < 0.33 else _any(rng, materials.wood, materials.plastic)
     shift = (stick - tine - 0.026) / 2
-    head = moved(merge(moved(extrude(root, 0.003), 0, 0, 0.0075), *tines), 0, shift)
-    parts = (Part("handle", moved(handle, 0, shift), held), Part("head", head, steel))
+    head = translate(merge(translate(extrude(root, 0.003), 0, 0, 0.0075), *tines), 0, shift)
+    parts = (Part("handle", translate(handle, 0, shift), held), Part("head", head, steel))
     at = (0.0, shift - 0.66 * stick, float(np.interp(-0.66 * stick, y, z)))
     return _at_rest(ObjectModel("fork", "fork", parts, _stick(at, 0.016), tip=(0.0, shift + tine, 0.004)))
 
 
 def whisk(rng: np.random.Generator) -> ObjectModel:
-    """A balloon whisk that lies on its wires and on the end of its handle, which points towards -y."""
+    """A balloon whisk resting on its wires and on the end of its handle, which points towards -y."""
     stick, wires, r = rng.uniform(0.10, 0.13), rng.uniform(0.13, 0.16), rng.uniform(0.026, 0.034)
     s = np.linspace(0, np.pi, 41)
     loop = np.stack([r * np.sin(s) ** 0.8 * (1 - 0.42 * np.cos(s)), 0.5 * wires * (1 - np.cos(s)), 0 * s], -1)
     half = tube(loop, 0.0017, 6)
     turns = np.arange(10) * (2 * np.pi / 10)
-    balloon = merge(*(transform(half, pose((0, 0, 0), about((0, 1, 0), turn))) for turn in turns))
+    balloon = merge(*(transform(half, pose((0, 0, 0), axis_angle((0, 1, 0), turn))) for turn in turns))
     y = np.linspace(-stick, 0.006, 12)
     thick = np.interp(y, [-stick, -0.45 * stick, 0], [0.0125, 0.0105, 0.0075])
     handle = tube(np.stack([0 * y, y, 0 * y], -1), thick, 16)
     steel = materials.metal(rng, tone=185)
     held = steel if rng.random() < 0.33 else _any(rng, materials.wood, materials.plastic)
     shift, slope = (stick - wires) / 2, (r - 0.0125) / (stick + 0.62 * wires)
-    lean = pose((0, shift, 0), about((1, 0, 0), np.arctan(slope)))
+    lean = pose((0, shift, 0), axis_angle((1, 0, 0), np.arctan(slope)))
     parts = (Part("handle", transform(handle, lean), held), Part("wires", transform(balloon, lean), steel))
     at = tuple(float(v) for v in (lean @ [0, -0.55 * stick, 0, 1])[:3])
     return _at_rest(ObjectModel("whisk", "whisk", parts, _stick((at[0], at[1], at[2]), 0.022), tip=(0.0, shift + wires, r)))
 
 
 def pot(rng: np.random.Generator) -> ObjectModel:
-    """An open cooking pot with a loop at either side."""
+    """An open cooking pot with a loop handle at each side."""
     r, h, out = rng.uniform(0.085, 0.105), rng.uniform(0.085, 0.12), rng.uniform(0.030, 0.038)
     side = lathe(np.array([(0, 0), (r - 0.008, 0), (r, 0.008), (r, h - 0.003), (r + 0.004, h)]), 64, repeat_u=4.0)
     inside = lathe(np.array([(r + 0.004, h), (r - 0.003, h - 0.002), (r - 0.003, 0.010), (r - 0.010, 0.005), (0, 0.005)]), 64)
     s = np.linspace(0, np.pi, 17)
     bow = np.stack([r - 0.004 + out * np.sin(s) ** 0.5, -0.040 * np.cos(s), 0 * s + 0.80 * h], -1)
     loop = tube(bow, rng.uniform(0.0055, 0.0075), 12, flat=0.8)
-    other = transform(loop, pose((0, 0, 0), about((0, 0, 1), np.pi)))
+    other = transform(loop, pose((0, 0, 0), axis_angle((0, 0, 1), np.pi)))
     coat = materials.metal(rng) if rng.random() < 0.5 else materials.plastic(rng)
     held = materials.plastic(rng, (42, 40, 42)) if rng.random() < 0.5 else materials.metal(rng)
     parts = (
@@ -130,7 +130,7 @@ def pot(rng: np.random.Generator) -> ObjectModel:
 
 
 def glass(rng: np.random.Generator) -> ObjectModel:
-    """A tumbler, round or with facets, straight or wider at the top."""
+    """A tumbler, round or faceted, straight or wider at the top."""
     r, h, sides = rng.uniform(0.030, 0.036), rng.uniform(0.095, 0.14), [8, 10, 12, 48][rng.integers(4)]
     top, wall, base = r * rng.uniform(1.0, 1.22), 0.0025, rng.uniform(0.008, 0.016)
     outer = lathe(np.array([(0, 0), (r - 0.002, 0), (r, 0.003), (top, h - 0.001), (top - wall / 2, h)]), sides, crease_deg=25.0)
@@ -145,7 +145,7 @@ def glass(rng: np.random.Generator) -> ObjectModel:
 
 
 def grinder(rng: np.random.Generator) -> ObjectModel:
-    """A turned pepper mill: foot, waist, belly, and a head with a knob that is turned against the body."""
+    """A turned pepper mill whose head turns against its body."""
     r, h, waist = rng.uniform(0.027, 0.032), rng.uniform(0.17, 0.25), rng.uniform(0.60, 0.78)
     neck = rng.uniform(0.70, 0.76)
     s = np.linspace(0, 1, 24)
@@ -164,36 +164,36 @@ def grinder(rng: np.random.Generator) -> ObjectModel:
 
 
 def brush(rng: np.random.Generator) -> ObjectModel:
-    """A dish brush, handle towards -y, that lies on its back or on its bristles."""
+    """A dish brush, handle towards -y, lying on its back or on its bristles."""
     stick, rx, ry, deep = rng.uniform(0.15, 0.19), rng.uniform(0.022, 0.030), rng.uniform(0.030, 0.040), rng.uniform(0.022, 0.030)
     turned, thick = rng.random() < 0.6, 0.011
-    tuft = _tuft(deep) if not turned else moved(transform(_tuft(deep), np.diag([1.0, 1.0, -1.0, 1.0])), 0, 0, thick + deep)
-    tufts = merge(*(moved(tuft, x * 1.08, y * 1.08) for x, y in _spots(rx - 0.003, ry - 0.003, 0.0095)))
+    tuft = _tuft(deep) if not turned else translate(transform(_tuft(deep), np.diag([1.0, 1.0, -1.0, 1.0])), 0, 0, thick + deep)
+    tufts = merge(*(translate(tuft, x * 1.08, y * 1.08) for x, y in _spots(rx - 0.003, ry - 0.003, 0.0095)))
     a = np.linspace(0, 2 * np.pi, 36, endpoint=False)
-    back = moved(extrude(np.stack([rx * np.cos(a), ry * np.sin(a)], -1), thick), 0, 0, 0 if turned else deep)
+    back = translate(extrude(np.stack([rx * np.cos(a), ry * np.sin(a)], -1), thick), 0, 0, 0 if turned else deep)
     y = np.linspace(-ry - stick, -ry + 0.012, 16)
     z = np.interp(y, [y[0], y[-1]], [0.0085, 0.006 if turned else deep + 0.006]) + 0.006 * np.sin(np.linspace(0, np.pi, 16))
     handle = tube(np.stack([0 * y, y, z], -1), np.interp(y, [y[0], y[6], y[-1]], [0.0110, 0.0095, 0.0075]), 14, flat=0.72)
     look = materials.wood(rng, size=256) if rng.random() < 0.5 else materials.plastic(rng)
     hair = materials.plastic(rng, (232, 226, 208)) if rng.random() < 0.6 else materials.plastic(rng)
     shift = stick / 2
-    parts = (Part("back", moved(back, 0, shift), look), Part("bristles", moved(tufts, 0, shift), hair),
-             Part("handle", moved(handle, 0, shift), look))  # fmt: skip
+    parts = (Part("back", translate(back, 0, shift), look), Part("bristles", translate(tufts, 0, shift), hair),
+             Part("handle", translate(handle, 0, shift), look))  # fmt: skip
     return ObjectModel("brush", "brush", parts, _stick((0.0, float(y[5]) + shift, float(z[5])), 0.018), tip=(0.0, shift, 0.0))
 
 
 def _stick(at: Vec, thickness: float) -> tuple[Grip, ...]:
-    """A handle that lies on the table: by the fingertips, or with the whole hand."""
+    """Return the grips of a lying handle: with the fingertips, or with the whole hand."""
     return (*pinch("handle", at, thickness), *along("handle", at, thickness, tilt_deg=55.0))
 
 
 def _any(rng: np.random.Generator, *looks: Callable[[np.random.Generator], Material]) -> Material:
-    """One of several kinds of surface."""
+    """Choose one of several materials at random."""
     return looks[int(rng.integers(len(looks)))](rng)
 
 
 def _lipped(shape: Mesh, height: float) -> Mesh:
-    """The vessel with its rim drawn out to a lip towards +y."""
+    """Draw the rim of a vessel out to a lip towards +y."""
     v = shape.vertices.astype(np.float64)
     ahead = np.clip(v[:, 1] / np.maximum(np.hypot(v[:, 0], v[:, 1]), 1e-6), 0, 1) ** 8
     pull = ahead * np.clip((v[:, 2] / height - 0.72) / 0.28, 0, 1) ** 1.5
@@ -202,21 +202,21 @@ def _lipped(shape: Mesh, height: float) -> Mesh:
 
 
 def _tuft(height: float) -> Mesh:
-    """A bundle of bristles, wider at its free end."""
+    """A bundle of bristles that widens at its free end."""
     return lathe(np.array([(0, 0), (0.0052, 0.0005), (0.0036, height)]), 8)
 
 
 def _spots(half_x: float, half_y: float, step: float) -> list[tuple[float, float]]:
-    """Places on a grid inside an ellipse."""
+    """Return grid positions inside an ellipse."""
     xs, ys = (np.arange(-np.floor(half / step), np.floor(half / step) + 1) * step for half in (half_x, half_y))
     return [(float(x), float(y)) for x in xs for y in ys if (x / half_x) ** 2 + (y / half_y) ** 2 <= 1.0]
 
 
 def _at_rest(model: ObjectModel) -> ObjectModel:
-    """The model lowered or raised until its lowest point is on the table."""
+    """Shift a model vertically until its lowest point is on the table."""
     z = -float(model.points[:, 2].min())
     grips = tuple(replace(grip, T_obj_palm=pose((0, 0, z), np.eye(3)) @ grip.T_obj_palm) for grip in model.grips)
-    return replace(model, parts=tuple(replace(part, mesh=moved(part.mesh, 0, 0, z)) for part in model.parts), grips=grips)
+    return replace(model, parts=tuple(replace(part, mesh=translate(part.mesh, 0, 0, z)) for part in model.parts), grips=grips)
 
 
 BUILDERS = {"jug": jug, "ladle": ladle, "fork": fork, "whisk": whisk, "pot": pot, "glass": glass, "grinder": grinder,

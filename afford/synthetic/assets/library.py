@@ -1,4 +1,4 @@
-"""The asset library: every object by its kind. The same generator state gives the same object."""
+"""Library of scene objects by kind. The same generator state gives the same object."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ BUILDERS: dict[str, Callable[[np.random.Generator], ObjectModel]] = {
 
 
 def build(kind: str, rng: np.random.Generator) -> ObjectModel:
-    """A new object of this kind with its own shape, colours and print; KeyError lists the kinds."""
+    """Build an object of a kind with random shape, colours and print. Raises KeyError with the known kinds."""
     if kind not in BUILDERS:
         raise KeyError(f"unknown object kind {kind!r}; choose one of {', '.join(sorted(BUILDERS))}")
     return BUILDERS[kind](rng)

@@ -1,10 +1,12 @@
-"""What an object of a scene is: parts, a possible joint, and the ways to hold it.
+"""Object model of a scene: parts, an optional joint, and grips as palm frames.
 
-Object frame: origin at the middle of the footprint, z up, resting on z = 0 as it lies or stands; the side that faces the
-person is -y. Long things lie along y, handle towards -y.
+Object frame: origin at the middle of the footprint, z up, resting on z = 0. The side that faces the person is -y. Long objects
+extend along y, with the handle towards -y.
 
-Palm frame (T_x_palm): origin at the centre of the palm's skin, x along the stretched fingers, z out of the palm into the
-object, y = z x x. The right thumb is at -y, the left thumb at +y.
+Palm frame (T_x_palm): origin at the centre of the palm's skin, x along the extended fingers, z out of the palm into the object,
+y = z x x. The right thumb is at -y, the left thumb at +y.
+
+Grip functions are written for the right hand. The grip of the left hand is the mirror image in the plane x = 0 (or `about_x`).
 """
 
 from __future__ import annotations
@@ -21,7 +23,7 @@ from schemas.video import OTHER
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """One rigid piece of one material. `moving` parts follow the joint."""
+    """Rigid piece of one material. `moving` parts follow the joint."""
 
     name: str
     mesh: Mesh
@@ -31,8 +33,10 @@ class Part:
 
 @dataclass(frozen=True)
 class Joint:
-    """How the moving parts move: `kind` is hinge (value in radians about axis), lift (metres along axis) or free (a lid that
-    is taken off: the choreography gives its pose).
+    """Joint of the moving parts.
+
+    `kind` is hinge (value in radians about the axis), lift (metres along the axis) or free (a removable lid, posed by the
+    script).
     """
 
     kind: str
@@ -42,7 +46,7 @@ class Joint:
     high: float
 
     def T_obj_moving(self, value: float) -> np.ndarray:  # noqa: N802  # poses are named after their frames
-        """(4, 4) motion of the moving parts at `value`; identity at 0."""
+        """Return the motion (4, 4) of the moving parts at `value`; identity at 0."""
         T = np.eye(4)
         axis = np.asarray(self.axis, float) / np.linalg.norm(self.axis)
         if self.kind != "hinge":
@@ -60,21 +64,21 @@ class Grip:
     """One way to hold the object with one hand."""
 
     name: str
-    """Where: body, handle, neck, rim, edge, lid ..."""
+    """gripped part: body, handle, neck, rim, edge, lid ..."""
     kind: str
-    """power_wrap, handle_wrap, pinch, flat_edge or top_grab."""
+    """power_wrap, handle_wrap, pinch, flat_edge or top_grab"""
     side: str
-    """left or right."""
+    """left or right"""
     T_obj_palm: np.ndarray
     aperture_m: float
-    """Thickness of what is held, between thumb and fingers."""
+    """Thickness of the gripped part between thumb and fingers, metres."""
     moving: bool = False
-    """Whether it holds the moving part (a lid): then T_obj_palm is at joint value 0."""
+    """True when the grip holds the moving part (a lid); T_obj_palm is then given at joint value 0."""
 
 
 @dataclass(frozen=True, eq=False)
 class ObjectModel:
-    """An object with its looks, its joint and its grips."""
+    """Object with its parts, joint and grips."""
 
     kind: str
     noun: str
@@ -83,7 +87,7 @@ class ObjectModel:
     grips: tuple[Grip, ...]
     joint: Joint | None = None
     spins: bool = False
-    """True when the object looks the same turned about z (apart from its texture), so that any yaw suits a grip."""
+    """True when the object is rotationally symmetric about z (apart from its texture), so that any yaw suits a grip."""
     opening: tuple[float, float, float] | None = None
     """Centre of the mouth (bottle, mug, pan, jar) for pouring and stirring, object frame."""
     tip: tuple[float, float, float] | None = None
@@ -91,27 +95,27 @@ class ObjectModel:
 
     @property
     def size(self) -> np.ndarray:
-        """(3,) extent in metres."""
+        """Extent (3,) in metres."""
         low = np.min([p.mesh.bounds[0] for p in self.parts], axis=0)
         return np.max([p.mesh.bounds[1] for p in self.parts], axis=0) - low
 
     @property
     def points(self) -> np.ndarray:
-        """(v, 3) all vertices at rest, object frame."""
+        """Vertices (v, 3) of all parts at rest, object frame."""
         return np.concatenate([p.mesh.vertices for p in self.parts])
 
     def instances(self, T_world_obj: np.ndarray, entity: int, opened: float = 0.0) -> list[Instance]:
-        """The parts as they are drawn, with the joint at `opened`."""
+        """Return the instances to draw, with the joint at `opened`."""
         swing = self.joint.T_obj_moving(opened) if self.joint else np.eye(4)
         return [Instance(p.mesh, p.material, T_world_obj @ swing if p.moving else T_world_obj, entity) for p in self.parts]
 
     def grips_of(self, side: str) -> tuple[Grip, ...]:
-        """The grips that this hand can take."""
+        """Return the grips of a side."""
         return tuple(grip for grip in self.grips if grip.side == side)
 
 
 def palm_frame(position: ArrayLike, into: ArrayLike, fingers: ArrayLike) -> np.ndarray:
-    """(4, 4) palm frame at `position` with z along `into` and x as near to `fingers` as it can be."""
+    """Return the palm frame (4, 4) at `position`, with z along `into` and x as close to `fingers` as possible."""
     z = np.asarray(into, float) / np.linalg.norm(into)
     x = np.asarray(fingers, float) - z * np.dot(z, fingers)
     x /= np.linalg.norm(x)
@@ -122,13 +126,13 @@ def palm_frame(position: ArrayLike, into: ArrayLike, fingers: ArrayLike) -> np.n
 
 
 PALM_GAP = 0.006
-"""The thumb's ball stands this far out of the palm's centre, metres."""
+"""Height of the thumb's base above the palm's centre, metres."""
 Vec = tuple[float, float, float]
 LEFT, RIGHT, UP, AHEAD = (-1.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, 1.0, 0.0)
 
 
 def mirror_grip(grip: Grip, about_x: float = 0.0) -> Grip:
-    """The same grip for the other hand, mirrored in the plane x = `about_x`."""
+    """Mirror a grip in the plane x = `about_x` for the other hand."""
     flip = np.diag([-1.0, 1.0, 1.0])
     T = np.eye(4)
     T[:3, :3] = flip @ grip.T_obj_palm[:3, :3] @ np.diag([1.0, -1.0, 1.0])
@@ -147,9 +151,9 @@ def rod(
     lean_deg: float = 0.0,
     moving: bool = False,
 ) -> Grip:
-    """The right hand round a rod through `centre`, thumb towards `thumb`, palm pressed along `into`.
+    """Grip a rod through `centre` with the right hand, thumb towards `thumb`, palm pressed along `into`.
 
-    `lean_deg` turns the hand in the palm's plane so that the fingers point more towards the thumb's end (a slanted grip).
+    `lean_deg` rotates the hand in the palm's plane so that the fingers point more towards the thumb's end (a slanted grip).
     """
     z = np.asarray(into, float) / np.linalg.norm(into)
     t = np.asarray(thumb, float) - z * (z @ np.asarray(thumb))
@@ -161,31 +165,31 @@ def rod(
 
 
 def with_mirror(grip: Grip, about_x: float = 0.0) -> tuple[Grip, Grip]:
-    """A grip and its mirror image."""
+    """Return a grip and its mirror image."""
     return grip, mirror_grip(grip, about_x)
 
 
 def around(name: str, radius: float, height: float, *, lean_deg: float = 0.0) -> tuple[Grip, Grip]:
-    """Round an upright cylinder about z, from the side, thumb up; `lean_deg` < 0 points the fingers downwards."""
+    """Grip an upright cylinder about z from the side, thumb up; `lean_deg` < 0 points the fingers downwards."""
     return with_mirror(rod(name, (0.0, 0.0, height), UP, LEFT, 2 * radius, kind="power_wrap", lean_deg=lean_deg))
 
 
 def over(name: str, radius: float, top: float, *, moving: bool = False) -> tuple[Grip, Grip]:
-    """From above round a lid or a low round thing: palm down, fingers down on the far side, thumb on the near side."""
+    """Grip a lid or a low round object from above: palm down, fingers down on the far side, thumb on the near side."""
     at = np.array([0.010, -0.052, top + 0.026])
     frame = palm_frame(at, np.array([-0.10, 0.28, -0.95]), np.array([-0.25, 0.92, 0.28]))
     return with_mirror(Grip(name, "top_grab", "right", frame, 2 * radius, moving))
 
 
 def along(name: str, at: Vec, thickness: float, *, tilt_deg: float = 40.0, lean_deg: float = 38.0) -> tuple[Grip, Grip]:
-    """Round a handle that runs along y, thumb towards +y; `tilt_deg` is how far the palm comes from above."""
+    """Grip a handle along y, thumb towards +y; `tilt_deg` is the elevation from which the palm approaches."""
     tilt = np.radians(tilt_deg)
     into = (-np.cos(tilt), 0.0, -np.sin(tilt))
     return with_mirror(rod(name, at, AHEAD, into, thickness, lean_deg=lean_deg), about_x=at[0])
 
 
 def pinch(name: str, at: Vec, thickness: float, *, moving: bool = False) -> tuple[Grip, Grip]:
-    """From above with the fingertips: fingers on the far side, thumb on the near side of a thin thing that runs along y."""
+    """Pinch a thin object along y from above: fingertips on the far side, thumb on the near side."""
     frame = palm_frame(np.zeros(3), np.array([-0.42, 0.10, -0.90]), np.array([-0.50, 0.62, -0.45]))
     place = np.array(at) - frame[:3, :3] @ np.array([0.074, -0.014, 0.050])
     frame[:3, 3] = place
@@ -193,13 +197,13 @@ def pinch(name: str, at: Vec, thickness: float, *, moving: bool = False) -> tupl
 
 
 def edge(name: str, at: Vec, thickness: float, *, moving: bool = False) -> tuple[Grip, Grip]:
-    """A flat rim at the right (for the right hand): thumb above, fingers beside and below, coming from the outside."""
+    """Grip a flat rim from the right (for the right hand): thumb above, fingers beside and below."""
     centre = (at[0] - 0.012, at[1], at[2] - thickness / 2)
     grip = rod(name, centre, AHEAD, (-0.80, 0.0, -0.60), max(thickness, 0.012), kind="flat_edge", lean_deg=58.0, moving=moving)
     return with_mirror(grip)
 
 
 def sides(name: str, half_width: float, height: float, *, back: float = 0.0, moving: bool = False) -> tuple[Grip, Grip]:
-    """On the side wall of a wide thing, from its right (right hand), fingers forward: two hands carry it together."""
+    """Press the palm on the side wall of a wide object, fingers forward, so that two hands carry it together."""
     frame = palm_frame(np.array([half_width + PALM_GAP, back - 0.03, height]), np.array(LEFT), np.array([0.0, 1.0, -0.12]))
     return with_mirror(Grip(name, "power_wrap", "right", frame, 2 * half_width, moving))

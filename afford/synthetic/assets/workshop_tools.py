@@ -1,11 +1,11 @@
-"""Workshop: hammer, screwdriver, drill, wrench, saw, toolbox, glue, wood block, paint can. Tools lie, handle towards -y."""
+"""Workshop objects: hammer, screwdriver, drill, wrench, saw, toolbox, glue, wood block, paint can. Tools lie, handle at -y."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from afford.render import materials
-from afford.render.mesh import merge, moved, transform
+from afford.render.mesh import merge, transform, translate
 from afford.render.solids import box, extrude, lathe, tube
 from afford.synthetic.assets.object_model import (
     LEFT,
@@ -24,9 +24,9 @@ from afford.synthetic.assets.object_model import (
 )
 
 LIE_Y = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
-"""Turns a thing that stands along z so that it lies along y."""
+"""Rotation of a shape along z so that it lies along y."""
 TO_X = np.array([[0, 0, 1.0, 0], [0, 1, 0, 0], [-1, 0, 0, 0], [0, 0, 0, 1]])
-"""Turns a thing that stands along z so that it lies along x."""
+"""Rotation of a shape along z so that it lies along x."""
 
 
 def hammer(rng: np.random.Generator) -> ObjectModel:
@@ -51,8 +51,8 @@ def hammer(rng: np.random.Generator) -> ObjectModel:
         np.array([0.013, 0.012, 0.009, 0.004]),
         12,
     )
-    eye = moved(box((0.026, 0.026, 0.029), 0.003), 0, 0, -0.0145)
-    head = moved(merge(face, claw, eye), 0, long / 2 - 0.012, 0.0145)
+    eye = translate(box((0.026, 0.026, 0.029), 0.003), 0, 0, -0.0145)
+    head = translate(merge(face, claw, eye), 0, long / 2 - 0.012, 0.0145)
     look = (
         materials.wood(rng, "ash" if rng.random() < 0.5 else "beech", size=256) if rng.random() < 0.6 else materials.rubber(rng)
     )
@@ -63,7 +63,7 @@ def hammer(rng: np.random.Generator) -> ObjectModel:
 
 
 def screwdriver(rng: np.random.Generator) -> ObjectModel:
-    """A screwdriver that lies, tip towards +y."""
+    """A lying screwdriver, tip towards +y."""
     handle, shaft = rng.uniform(0.095, 0.11), rng.uniform(0.09, 0.13)
     profile = np.array(
         [
@@ -81,8 +81,8 @@ def screwdriver(rng: np.random.Generator) -> ObjectModel:
     rod = lathe(np.array([(0.0032, 0), (0.0032, shaft - 0.012), (0.0042, shaft - 0.008), (0.0022, shaft), (0, shaft)]), 12)
     shift = -(handle + shaft) / 2
     parts = (
-        Part("handle", moved(transform(grip, LIE_Y), 0, shift, 0.0155), materials.ceramic(rng)),
-        Part("shaft", moved(transform(rod, LIE_Y), 0, shift + handle, 0.0155), materials.metal(rng)),
+        Part("handle", translate(transform(grip, LIE_Y), 0, shift, 0.0155), materials.ceramic(rng)),
+        Part("shaft", translate(transform(rod, LIE_Y), 0, shift + handle, 0.0155), materials.metal(rng)),
     )
     at = (0, shift + 0.45 * handle, 0.0155)
     return ObjectModel(
@@ -103,10 +103,10 @@ def drill(rng: np.random.Generator) -> ObjectModel:
     body = lathe(np.array([(0, 0), (0.026, 0.002), (0.030, 0.02), (0.030, 0.10), (0.026, 0.135), (0, 0.136)]), 32, repeat_u=2)
     chuck = lathe(np.array([(0.021, 0), (0.021, 0.02), (0.017, 0.04), (0.008, 0.05), (0, 0.05)]), 24)
     bit = lathe(np.array([(0.003, 0), (0.003, 0.05), (0, 0.058)]), 10)
-    front = moved(merge(transform(chuck, LIE_Y), moved(transform(bit, LIE_Y), 0, 0.045)), 0, 0.066, 0.172)
-    trigger = moved(box((0.014, 0.016, 0.028), 0.003), 0, 0.024, 0.112)
+    front = translate(merge(transform(chuck, LIE_Y), translate(transform(bit, LIE_Y), 0, 0.045)), 0, 0.066, 0.172)
+    trigger = translate(box((0.014, 0.016, 0.028), 0.003), 0, 0.024, 0.112)
     parts = (
-        Part("body", moved(transform(body, LIE_Y), 0, -0.068, 0.172), shell),
+        Part("body", translate(transform(body, LIE_Y), 0, -0.068, 0.172), shell),
         Part("battery", battery, dark),
         Part("handle", handle, dark),
         Part("chuck", front, materials.metal(rng, tone=120)),
@@ -117,15 +117,15 @@ def drill(rng: np.random.Generator) -> ObjectModel:
 
 
 def wrench(rng: np.random.Generator) -> ObjectModel:
-    """An open-ended spanner that lies, jaw towards +y."""
+    """A lying open-ended spanner, jaw towards +y."""
     long, wide = rng.uniform(0.17, 0.22), rng.uniform(0.009, 0.012)
-    bar = moved(box((2 * wide, long - 0.03, 0.007), 0.002, uv_per_m=6), 0, -0.01, 0.0)
+    bar = translate(box((2 * wide, long - 0.03, 0.007), 0.002, uv_per_m=6), 0, -0.01, 0.0)
     jaw_at = np.linspace(0.35, 2 * np.pi - 0.35, 22) + np.pi / 2
     ring = np.stack([0.0145 * np.cos(jaw_at), 0.0145 * np.sin(jaw_at), 0 * jaw_at + 0.0055], -1)
     jaw = tube(ring, np.full(22, 0.0068), 10)
     end_at = np.linspace(0, 2 * np.pi, 23)
     end = tube(np.stack([0.0125 * np.cos(end_at), 0.0125 * np.sin(end_at), 0 * end_at + 0.0055], -1), np.full(23, 0.0052), 10)
-    body = merge(bar, moved(jaw, 0, long / 2 - 0.012), moved(end, 0, -long / 2 + 0.006))
+    body = merge(bar, translate(jaw, 0, long / 2 - 0.012), translate(end, 0, -long / 2 + 0.006))
     return ObjectModel(
         "wrench",
         "wrench",
@@ -136,19 +136,19 @@ def wrench(rng: np.random.Generator) -> ObjectModel:
 
 
 def saw(rng: np.random.Generator) -> ObjectModel:
-    """A small hand saw that lies flat, blade towards +y."""
+    """A small hand saw lying flat, blade towards +y."""
     long = rng.uniform(0.22, 0.28)
     teeth = [(0.0 if k % 2 else 0.0035, long * k / 60) for k in range(61)]
     outline = np.array([(0.075, 0.0), (0.042, long), *[(-t, y) for t, y in teeth[::-1]]])
-    blade = moved(extrude(outline, 0.0018, uv_per_m=5), -0.035, 0.0, 0.0095)
+    blade = translate(extrude(outline, 0.0018, uv_per_m=5), -0.035, 0.0, 0.0095)
     a = np.linspace(0, 2 * np.pi, 25)
     loop = tube(
         np.stack([0.004 + 0.042 * np.cos(a), -0.045 + 0.048 * np.sin(a), 0 * a + 0.0105], -1), np.full(25, 0.0112), 14, flat=0.9
     )
     shift = -long / 2 + 0.045
     parts = (
-        Part("blade", moved(blade, 0, shift), materials.metal(rng, tone=170)),
-        Part("handle", moved(loop, 0, shift), materials.wood(rng, size=256)),
+        Part("blade", translate(blade, 0, shift), materials.metal(rng, tone=170)),
+        Part("handle", translate(loop, 0, shift), materials.wood(rng, size=256)),
     )
     return ObjectModel(
         "saw", "saw", parts, pinch("handle", (0.0, shift - 0.089, 0.0105), 0.024), tip=(-0.03, shift + 0.6 * long, 0.01)
@@ -156,22 +156,22 @@ def saw(rng: np.random.Generator) -> ObjectModel:
 
 
 def toolbox(rng: np.random.Generator) -> ObjectModel:
-    """A metal box with a lid on a hinge at the back and a handle on the lid."""
+    """A metal box with a lid hinged at the back and a handle on the lid."""
     w, d, h = rng.uniform(0.22, 0.26), rng.uniform(0.12, 0.15), rng.uniform(0.07, 0.09)
     paint, inside = materials.plastic(rng, size=256), materials.plastic(rng, (60, 60, 64))
     wall = 0.003
     shell = merge(
         box((w, d, wall), 0.0),
-        moved(box((w, wall, h), 0.0006), 0, d / 2 - wall / 2),
-        moved(box((w, wall, h), 0.0006), 0, -d / 2 + wall / 2),
-        moved(box((wall, d, h), 0.0006), w / 2 - wall / 2),
-        moved(box((wall, d, h), 0.0006), -w / 2 + wall / 2),
+        translate(box((w, wall, h), 0.0006), 0, d / 2 - wall / 2),
+        translate(box((w, wall, h), 0.0006), 0, -d / 2 + wall / 2),
+        translate(box((wall, d, h), 0.0006), w / 2 - wall / 2),
+        translate(box((wall, d, h), 0.0006), -w / 2 + wall / 2),
     )
-    tray = moved(box((w - 0.012, d - 0.012, 0.02), 0.001, uv_per_m=5), 0, 0, wall)
-    lid = moved(box((w + 0.004, d + 0.004, 0.022), 0.004, uv_per_m=4), 0, 0, h)
+    tray = translate(box((w - 0.012, d - 0.012, 0.02), 0.001, uv_per_m=5), 0, 0, wall)
+    lid = translate(box((w + 0.004, d + 0.004, 0.022), 0.004, uv_per_m=4), 0, 0, h)
     t = np.linspace(0, np.pi, 13)
     handle = tube(np.stack([0.055 * np.cos(t), 0 * t, h + 0.018 + 0.036 * np.sin(t) ** 0.5], -1), 0.0065, 12, up=(0, 1, 0))
-    catches = merge(*[moved(box((0.022, 0.006, 0.03), 0.001), x, -d / 2 - 0.003, h - 0.014) for x in (-w / 3, w / 3)])
+    catches = merge(*[translate(box((0.022, 0.006, 0.03), 0.001), x, -d / 2 - 0.003, h - 0.014) for x in (-w / 3, w / 3)])
     parts = (
         Part("body", shell, paint),
         Part("tray", tray, inside),
@@ -217,7 +217,7 @@ def glue(rng: np.random.Generator) -> ObjectModel:
 def block(rng: np.random.Generator) -> ObjectModel:
     """A block of wood with saw marks and a screw in its top."""
     w, d, h = rng.uniform(0.07, 0.09), rng.uniform(0.11, 0.16), rng.uniform(0.05, 0.065)
-    screw = moved(lathe(np.array([(0.0045, 0), (0.0045, 0.002), (0.002, 0.0035), (0, 0.0035)]), 16), 0.0, 0.02, h)
+    screw = translate(lathe(np.array([(0.0045, 0), (0.0045, 0.002), (0.002, 0.0035), (0, 0.0035)]), 16), 0.0, 0.02, h)
     parts = (
         Part("block", box((w, d, h), 0.002, uv_per_m=5), materials.wood(rng, "pine" if rng.random() < 0.5 else None)),
         Part("screw", screw, materials.metal(rng)),

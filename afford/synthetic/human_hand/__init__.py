@@ -1,1 +1,1 @@
-"""Hands and forearms of people: bones, shape, skin, grasp."""
+"""Model of a human hand and forearm: skeleton, skin, appearance, postures and finger closing."""

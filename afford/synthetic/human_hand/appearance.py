@@ -1,4 +1,4 @@
-"""What a person's hands look like: skin, nails, creases, and what is worn: sleeve, rolled-up cuff, glove, watch, ring."""
+"""Appearance of a person's hands: skin, nails, creases, and sleeve, rolled-up cuff, glove, watch or bracelet."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from afford.common.palette import TONES
 from afford.render import materials
-from afford.render.mesh import Mesh, merge, moved, smooth_normals, transform
+from afford.render.mesh import Mesh, merge, smooth_normals, transform, translate
 from afford.render.patterns import cloud
 from afford.render.scene import Material
 from afford.render.solids import lathe, tube
@@ -20,21 +20,21 @@ GLOVES = ((206, 214, 224), (84, 140, 190), (222, 186, 60), (52, 54, 58))
 
 @dataclass(frozen=True, eq=False)
 class HandAppearance:
-    """Looks shared by both hands of a person."""
+    """Appearance shared by both hands of a person."""
 
     skin: Material
     cloth: Material
     cuff_m: float
-    """Distance from the wrist back to the end of the sleeve; ARM_M for a bare arm."""
+    """Distance from the wrist back to the end of the sleeve, metres; ARM_M for a bare arm."""
     folds: np.ndarray
-    """(3,) phases of the folds of the sleeve."""
+    """(3,) phases of the sleeve's folds."""
     gloved: bool = False
     worn: Mesh | None = None
-    """A watch or bracelet on the forearm, palm frame at rest."""
+    """Watch or bracelet on the forearm, in the palm frame at rest."""
     worn_look: Material | None = None
 
     def skin_mesh(self) -> Mesh:
-        """Rest skin of the right hand, coloured."""
+        """Return the skin mesh of the right hand at rest, with vertex colours."""
         shape = hand_shape()
         uv = np.stack([shape.vertices[:, 0] * 8, (shape.vertices[:, 1] + 0.8 * shape.vertices[:, 2]) * 8], -1)
         normals = smooth_normals(shape.vertices, shape.faces)
@@ -42,7 +42,7 @@ class HandAppearance:
         return Mesh(shape.vertices, shape.faces, uv.astype(np.float32), normals, colour)
 
     def sleeve_mesh(self) -> Mesh | None:
-        """Rest sleeve of the right arm, a turned cuff at its end, or None when the arm is bare."""
+        """Return the sleeve mesh of the right arm at rest, with a turned-up cuff, or None for a bare arm."""
         if self.cuff_m >= ARM_M:
             return None
         back = np.linspace(self.cuff_m, ARM_M + 0.02, 56)
@@ -53,7 +53,7 @@ class HandAppearance:
         return merge(outer, lining)
 
     def _shell(self, back: np.ndarray, radius: np.ndarray, along: np.ndarray) -> Mesh:
-        """A sleeve of given radius, with folds that grow deeper away from the cuff."""
+        """Build a sleeve of a given radius, with folds that get deeper away from the cuff."""
         tube_ = tube(WRIST + np.c_[-back, np.zeros((len(back), 2))], radius, 36, flat=0.86, repeat=(2.0, 10.0 * np.ptp(back)))
         offset = tube_.vertices - WRIST * [0, 1, 1]
         angle, depth = (
@@ -69,7 +69,7 @@ class HandAppearance:
 
 
 def _seamless(points: np.ndarray, shape: Mesh) -> np.ndarray:
-    """Vertex normals that agree where the tube's seam closes."""
+    """Return vertex normals that agree along the seam of a tube."""
     _, place = np.unique(np.round(points * 1e5).astype(np.int64), axis=0, return_inverse=True)
     place = place.reshape(-1)
     welded = np.zeros((place.max() + 1, 3), np.float32)
@@ -78,7 +78,7 @@ def _seamless(points: np.ndarray, shape: Mesh) -> np.ndarray:
 
 
 def random_person(rng: np.random.Generator) -> HandAppearance:
-    """A person at random: long sleeves mostly, sometimes rolled up or bare; now and then gloves or a watch."""
+    """Sample a person: mostly long sleeves, sometimes rolled-up or no sleeves, and occasionally gloves or a watch."""
     gloved = bool(rng.random() < 0.12)
     tone = np.array(TONES[rng.integers(len(TONES))]) * rng.uniform(0.95, 1.04)
     skin = materials.plastic(rng, GLOVES[rng.integers(len(GLOVES))], 256) if gloved else materials.skin(rng, tuple(tone))
@@ -89,7 +89,7 @@ def random_person(rng: np.random.Generator) -> HandAppearance:
 
 
 def _watch(rng: np.random.Generator) -> Mesh:
-    """A strap round the wrist with a case on the back of the hand."""
+    """Build a strap round the wrist, with a case on the back of the hand."""
     turn = np.linspace(0, 2 * np.pi, 33)
     at = WRIST[0] - 0.030
     ring = np.stack([0 * turn + at, 0.0272 * np.cos(turn), WRIST[2] + 0.0196 * np.sin(turn)], -1)
@@ -97,11 +97,11 @@ def _watch(rng: np.random.Generator) -> Mesh:
     wide = float(rng.uniform(0.014, 0.018))
     case = lathe(np.array([(0, 0), (wide, 0), (wide, 0.007), (wide - 0.002, 0.009), (0, 0.009)]), 28)
     down = np.diag([1.0, -1.0, -1.0, 1.0])
-    return merge(strap, moved(transform(case, down), at, 0.0, WRIST[2] - 0.0190))
+    return merge(strap, translate(transform(case, down), at, 0.0, WRIST[2] - 0.0190))
 
 
 def _skin_colour(shape: HandShape, normals: np.ndarray) -> np.ndarray:
-    """(v, 3) float32 vertex colour: rosy palm, fingertips and joints, dark creases, pale nails."""
+    """Return vertex colours (v, 3) float32: reddish palm, fingertips and joints, dark creases, pale nails."""
     blotch = np.random.default_rng(11)
     colour = np.ones((len(normals), 3))
     palmar = np.clip(normals[:, 2], 0, 1) * (shape.vertices[:, 0] > WRIST[0] - 0.02)
@@ -124,7 +124,7 @@ def _gaussian_near(points: np.ndarray, centre: np.ndarray, width: float) -> np.n
 
 
 def _joint(shape: HandShape, normals: np.ndarray, digit: int, link: int) -> np.ndarray:
-    """(v, 3) factor: redder knuckles on the back, a crease on the palm side."""
+    """Return a colour factor (v, 3): redder knuckles on the back, and a crease on the palm side."""
     T = REST[2 + 3 * digit + link]
     local = (shape.vertices - T[:3, 3]) @ T[:3, :3]
     mine = shape.digit == digit if link else np.abs(local[:, 1]) < RADII[digit, 0]
@@ -134,7 +134,7 @@ def _joint(shape: HandShape, normals: np.ndarray, digit: int, link: int) -> np.n
 
 
 def _nail(shape: HandShape, normals: np.ndarray, digit: int) -> np.ndarray:
-    """(v,) bool: an oval on the back of the last bone."""
+    """Mark the vertices (v,) of a nail: an oval on the back of the last bone."""
     T = REST[4 + 3 * digit]
     local = (shape.vertices - T[:3, 3]) @ T[:3, :3]
     long, wide = LENGTHS[digit, 2], RADII[digit, 3]

@@ -1,4 +1,4 @@
-"""Two human-like hands with forearms and sleeves: pose them, find their palms and fingertips, draw them."""
+"""Human hand model with forearm and sleeve: skinning, fingertips and drawing of the left and the right hand."""
 
 from __future__ import annotations
 
@@ -18,21 +18,22 @@ MIRROR = np.diag([1.0, -1.0, 1.0, 1.0])
 
 @dataclass(frozen=True, eq=False)
 class HandModel:
-    """One hand. Poses are given by the palm frame (see `assets/object_model.py`), 20 joint angles (see `skeleton.py`) and the
-    place of the elbow, towards which the forearm points.
+    """One hand, posed by a palm frame, 20 joint angles and the position of the elbow.
+
+    The palm frame is defined in `assets/object_model.py`, the joint angles in `skeleton.py`. The forearm points to the elbow.
     """
 
     side: str
-    """left or right."""
+    """left or right"""
     look: HandAppearance
     skin: Mesh
     sleeve: Mesh | None
-    """Rest meshes in the palm frame that move with the forearm: the sleeve, and a watch."""
+    """Rest meshes in the palm frame that move with the forearm: a sleeve, and a watch."""
     watch: Mesh | None
 
     @staticmethod
     def build(side: str, look: HandAppearance) -> HandModel:
-        """The hand of this side with the looks of one person."""
+        """Build the hand of a side with the appearance of a person."""
         if side not in SIDES:
             raise ValueError(f"HandModel.side: expected left or right, got {side!r}")
         flip = side == "left"
@@ -41,7 +42,7 @@ class HandModel:
         return HandModel(side, look, _mirrored(look.skin_mesh(), flip), *rest)
 
     def posed(self, T_world_palm: np.ndarray, angles: np.ndarray, elbow: np.ndarray) -> np.ndarray:
-        """(v, 3) float32 world vertices of the skin. `elbow` (3,) world metres."""
+        """Return the world vertices (v, 3) float32 of the skin. `elbow` is (3,), world metres."""
         T = T_world_palm @ self._mirror
         moves = self._moves(T, angles, elbow)
         shape = hand_shape()
@@ -51,7 +52,7 @@ class HandModel:
         return (local @ T[:3, :3].T.astype(np.float32) + T[:3, 3].astype(np.float32)).astype(np.float32)
 
     def instances(self, T_world_palm: np.ndarray, angles: np.ndarray, elbow: np.ndarray, entity: int) -> list[Instance]:
-        """Skin, and sleeve where there is one, as they are drawn."""
+        """Return the instances to draw: skin, sleeve and watch."""
         out = [Instance(self.skin, self.look.skin, entity=entity, vertices=self.posed(T_world_palm, angles, elbow))]
         T = T_world_palm @ self._mirror
         arm = T @ self._moves(T, angles, elbow)[0] @ self._mirror
@@ -59,12 +60,12 @@ class HandModel:
         return out + [Instance(mesh, look, arm, entity) for mesh, look in worn if mesh is not None and look is not None]
 
     def fingertips(self, T_world_palm: np.ndarray, angles: np.ndarray) -> np.ndarray:
-        """(5, 3) world positions of the fingertips, thumb first, metres."""
+        """Return the world positions (5, 3) of the fingertips, thumb first, metres."""
         T = T_world_palm @ self._mirror
         return tips(angles) @ T[:3, :3].T + T[:3, 3]
 
     def wrist(self, T_world_palm: np.ndarray) -> np.ndarray:
-        """(3,) world position of the wrist."""
+        """Return the world position (3,) of the wrist, metres."""
         return T_world_palm[:3, :3] @ WRIST + T_world_palm[:3, 3]
 
     @property
@@ -72,7 +73,7 @@ class HandModel:
         return MIRROR if self.side == "left" else np.eye(4)
 
     def _moves(self, T_world_right: np.ndarray, angles: np.ndarray, elbow: np.ndarray) -> np.ndarray:
-        """(17, 4, 4) motion of each bone from rest, in the (mirrored) palm frame."""
+        """Return the motion (17, 4, 4) of each bone from rest, in the (mirrored) palm frame."""
         moves = bone_frames(np.asarray(angles, float)) @ _REST_INVERSE
         local = np.linalg.inv(T_world_right) @ np.append(elbow, 1.0)
         moves[0] = _swing(local[:3] - WRIST)
@@ -83,7 +84,7 @@ _REST_INVERSE = np.linalg.inv(REST)
 
 
 def _swing(towards: np.ndarray) -> np.ndarray:
-    """Motion about the wrist that turns the forearm from -x to the direction `towards`, without twist."""
+    """Return the rotation about the wrist that turns the forearm from -x to `towards`, without twist, (4, 4)."""
     a, b = np.array([-1.0, 0, 0]), towards / np.linalg.norm(towards)
     v, c = np.cross(a, b), float(a @ b)
     K = np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
@@ -101,7 +102,11 @@ def _mirrored(shape: Mesh, flip: bool) -> Mesh:
 
 
 def exact_skin(model: HandModel, T_world_palm: np.ndarray, angles: np.ndarray, elbow: np.ndarray) -> np.ndarray:
-    """(v, 3) float32 world vertices."""
+    """Return the world vertices (v, 3) float32 of the skin, equal to the last bit on every machine.
+
+    `HandModel.posed` uses matrix products of linear algebra libraries, whose sums depend on the number of threads. Colours are
+    rounded and hide the difference; depth and flow, which are stored exactly, do not.
+    """
     T = T_world_palm @ model._mirror
     shape = hand_shape()
     blended = np.einsum("vb,bij->vij", shape.weights.astype(np.float64), model._moves(T, angles, elbow)[:, :3])

@@ -1,7 +1,8 @@
-"""The skeleton of a right hand in its palm frame: bones, thicknesses, joint axes, and where the bones go for given angles.
+"""Skeleton of a right hand: bones, radii, joint limits, forward kinematics, named postures and finger closing.
 
-Palm frame: origin at the centre of the palm's skin, x along the fingers, z out of the palm, thumb at -y. Metres, radians.
-The 20 joints: thumb (oppose as a share, flex, middle, tip), then index, middle, ring, little, each (spread, knuckle, middle, tip).
+Palm frame: origin at the centre of the palm's skin, x along the fingers, z out of the palm, thumb at -y. Metres, radians. The
+20 joints are those of the thumb (opposition 0..1, flexion, middle, tip), then of index, middle, ring and little finger (spread,
+knuckle, middle, tip).
 """
 
 from __future__ import annotations
@@ -41,13 +42,13 @@ RADII = np.array(
 SPLAY = np.radians([0.0, -5.0, -1.0, 3.0, 9.0])
 _THUMB_ASIDE = ((0.66, -0.60, 0.45), (0.25, 0.75, 0.62))
 _THUMB_OPPOSED = ((0.28, -0.30, 0.91), (0.86, 0.40, -0.15))
-"""Direction of the thumb and of its pad, beside the palm (oppose = 0) and in front of it (oppose = 1)."""
+"""Directions of the thumb and of its pad, beside the palm (opposition 0) and in front of it (opposition 1)."""
 LOW = np.array([-0.3, -0.35, -0.2, -0.3] + [-0.30, -0.25, 0.0, 0.0] * 4)
 HIGH = np.array([1.3, 0.9, 0.9, 1.2] + [0.30, 1.55, 1.75, 1.25] * 4)
 
 
 def _basis(along: np.ndarray, pad: np.ndarray) -> np.ndarray:
-    """(3, 3) columns: along the digit, across, towards the pad side."""
+    """Return an orthonormal basis (3, 3), in columns: along the digit, across it, towards the pad."""
     x = along / np.linalg.norm(along)
     z = pad - x * (x @ pad)
     z /= np.linalg.norm(z)
@@ -60,13 +61,13 @@ def _turn_z(angle: float) -> np.ndarray:
 
 
 def _flex(angle: float) -> np.ndarray:
-    """Rotation that turns x (along) towards z (pad)."""
+    """Return the rotation that turns x (along) towards z (pad)."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
 
 
 def _oppose(share: float) -> np.ndarray:
-    """Thumb frame on the way from beside the palm (0) to in front of it (1), pad turning to the fingers."""
+    """Interpolate the thumb frame between beside the palm (0) and in front of it (1)."""
     return _ASIDE @ Rotation.from_rotvec(share * _SWING).as_matrix()
 
 
@@ -76,9 +77,9 @@ BASES = np.stack([_ASIDE] + [_turn_z(a) for a in SPLAY[1:]])
 
 
 def bone_frames(angles: np.ndarray) -> np.ndarray:
-    """(17, 4, 4) T_palm_bone: forearm (identity: see `HandModel`), palm, then three bones of each digit.
+    """Compute T_palm_bone (17, 4, 4): forearm (identity, see `HandModel`), palm, then three bones of each digit.
 
-    A bone's origin is its near joint, x along it, z towards the pad.
+    The origin of a bone is its proximal joint, x points along it and z towards the pad.
     """
     out = np.tile(np.eye(4), (17, 1, 1))
     for digit in range(5):
@@ -97,13 +98,13 @@ REST = bone_frames(np.zeros(20))
 
 
 def tips(angles: np.ndarray) -> np.ndarray:
-    """(5, 3) centres of the fingertips, palm frame, metres."""
+    """Return the centres (5, 3) of the fingertips, palm frame, metres."""
     frames = bone_frames(angles)[4::3]
     return frames[:, :3, 3] + frames[:, :3, 0] * LENGTHS[:, 2:3]
 
 
 def link_points(angles: np.ndarray, per_link: int = 4) -> tuple[np.ndarray, np.ndarray]:
-    """Points on the axes of all links, (5, 3, per_link, 3) palm frame, and the thickness there, (5, 3, per_link) metres."""
+    """Sample points on the axes of all links: points (5, 3, per_link, 3) in the palm frame, radii (5, 3, per_link) in metres."""
     frames = bone_frames(angles)[2:].reshape(5, 3, 4, 4)
     s = (np.arange(per_link) + 1.0) / per_link
     along = LENGTHS[:, :, None] * s
@@ -112,7 +113,7 @@ def link_points(angles: np.ndarray, per_link: int = 4) -> tuple[np.ndarray, np.n
 
 
 Distance = Callable[[np.ndarray], np.ndarray]
-"""(n, 3) points in the right-hand palm frame -> (n,) signed distance to the object, metres, negative inside."""
+"""Signed distance function: (n, 3) points in the right-hand palm frame -> (n,) metres, negative inside the object."""
 
 POSTURES = {
     "open": (0.2, 0.0, 0.0, 0.0) + (0.0, 0.12, 0.15, 0.10) * 4,
@@ -137,13 +138,13 @@ CLOSED = {
 }
 STEPS = 36
 VOTES = 8
-"""Surface points that vote on whether a point is inside."""
+"""Number of surface points that vote on whether a point is inside."""
 SINK_M = 0.0012
-"""How far the flesh gives way."""
+"""Depth by which a link may press into the object, metres."""
 
 
 def posture(kind: str, aperture_m: float = 0.06) -> np.ndarray:
-    """(20,) joint angles: a named posture, or a grasp type closed on a plain cylinder `aperture_m` thick."""
+    """Return the joint angles (20,) of a named posture, or of a grasp type closed on a cylinder of thickness `aperture_m`."""
     if kind in POSTURES:
         return np.array(POSTURES[kind])
     centre = {"pinch": (0.075, 0.0, 0.045), "flat_edge": (0.07, 0.0, 0.03)}.get(kind, (0.012, 0.0, aperture_m / 2))
@@ -155,14 +156,15 @@ def posture(kind: str, aperture_m: float = 0.06) -> np.ndarray:
 
 
 def opening_posture(kind: str) -> np.ndarray:
-    """(20,) joint angles with which the hand comes near before this grasp."""
+    """Return the joint angles (20,) of the open hand that approaches for a grasp type."""
     return np.array(OPENING[kind])
 
 
 def close_on(kind: str, distance: Distance, steps: int = STEPS) -> np.ndarray:
-    """(20,) joint angles: from the opening of `kind`, every joint bends until a link beyond it touches the object, in `steps`.
+    """Close the fingers on an object and return the joint angles (20,).
 
-    A joint stops when it would press a link deeper than the flesh gives way; joints beyond it go on, so fingers wrap.
+    From the opening posture of `kind`, each joint bends in `steps` until a link beyond it touches the object. A joint stops
+    when it would press a link deeper than `SINK_M`. Joints beyond it continue, so the fingers wrap around the object.
     """
     angles, goal = np.array(OPENING[kind]), np.array(CLOSED[kind])
     stride = (goal - angles) / steps
@@ -179,14 +181,17 @@ def close_on(kind: str, distance: Distance, steps: int = STEPS) -> np.ndarray:
 
 
 def link_depths(angles: np.ndarray, distance: Distance) -> np.ndarray:
-    """(5, 3) how deep each link is in the object, metres, negative when it is away."""
+    """Return the penetration depth (5, 3) of each link into the object, metres, negative when it is away."""
     points, radius = link_points(angles)
     gap = distance(points.reshape(-1, 3)).reshape(radius.shape) - radius
     return -gap.min(axis=2)
 
 
 def distance_to(mesh: Mesh, T_palm_mesh: np.ndarray, side: str, *, samples: int = 6000, seed: int = 0) -> Distance:
-    """Distance function of a mesh in the right-hand palm frame (a left hand is mirrored), from points on its surface."""
+    """Build the signed distance function of a mesh in the right-hand palm frame from points on its surface.
+
+    A left hand is mirrored.
+    """
     rng = np.random.default_rng(seed)
     tri = mesh.vertices[mesh.faces].astype(float)
     normal = np.cross(tri[:, 1] - tri[:, 0], tri[:, 2] - tri[:, 0])

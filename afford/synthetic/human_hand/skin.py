@@ -1,4 +1,4 @@
-"""The skin of the hand: a signed distance field of tapered bones, meshed once, with weights for each bone."""
+"""Skin of the right hand: mesh of a signed distance field of tapered bones, with skinning weights for each bone."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from afford.synthetic.human_hand.skeleton import LENGTHS, RADII, REST, ROOTS, WR
 ARM_M = 0.42
 STEP_M = 0.0032
 BLEND_M = 0.0045
-"""Width over which the skin follows two neighbouring bones."""
+"""Distance over which the skin blends between two neighbouring bones, metres."""
 
 
 @dataclass(frozen=True, eq=False)
 class HandShape:
-    """(v, 3) rest vertices in the palm frame, (f, 3) faces, (v, 17) weights, (v,) digit of each vertex (-1 palm and arm)."""
+    """Skin mesh: vertices (v, 3) at rest in the palm frame, faces (f, 3), weights (v, 17), digit (v,) with -1 for palm and arm."""
 
     vertices: np.ndarray
     faces: np.ndarray
@@ -27,27 +27,27 @@ class HandShape:
 
 
 def _cone(p: np.ndarray, a: np.ndarray, b: np.ndarray, ra: float, rb: float) -> np.ndarray:
-    """Distance to a tapered capsule from a to b."""
+    """Return the distance to a tapered capsule from a to b."""
     ab = b - a
     s = np.clip((p - a) @ ab / (ab @ ab), 0, 1)
     return np.linalg.norm(p - a - s[..., None] * ab, axis=-1) - (ra + (rb - ra) * s)
 
 
 def _ball(p: np.ndarray, centre: tuple[float, ...], radii: tuple[float, ...]) -> np.ndarray:
-    """Distance (approximate) to an ellipsoid."""
+    """Return the approximate distance to an ellipsoid."""
     q = (p - np.asarray(centre)) / np.asarray(radii)
     k = np.linalg.norm(q, axis=-1)
     return (k - 1) * min(radii)
 
 
 def _join(a: np.ndarray, b: np.ndarray, width: float) -> np.ndarray:
-    """Smooth union (polynomial)."""
+    """Return the smooth union of two distance fields (polynomial)."""
     h = np.clip(0.5 + 0.5 * (b - a) / width, 0, 1)
     return b + (a - b) * h - width * h * (1 - h)
 
 
 def digit_field(p: np.ndarray, digit: int) -> np.ndarray:
-    """Signed distance to one digit at rest, with a little pad under the tip."""
+    """Return the signed distance to one digit at rest, with a pad under its tip."""
     out = np.zeros(0)
     for link in range(3):
         T = REST[2 + 3 * digit + link]
@@ -59,7 +59,7 @@ def digit_field(p: np.ndarray, digit: int) -> np.ndarray:
 
 
 def palm_field(p: np.ndarray) -> np.ndarray:
-    """Signed distance to palm, wrist and forearm at rest."""
+    """Return the signed distance to palm, wrist and forearm at rest."""
     base = WRIST + np.array([[0.012, -0.016, 0], [0.010, -0.006, -0.001], [0.010, 0.006, -0.001], [0.012, 0.016, 0.001]])
     out = _arm_field(p)
     for k in range(4):
@@ -72,7 +72,7 @@ def palm_field(p: np.ndarray) -> np.ndarray:
 
 
 def _arm_field(p: np.ndarray) -> np.ndarray:
-    """Flattened forearm from the wrist backwards."""
+    """Return the signed distance to a flattened forearm that extends back from the wrist."""
     back = WRIST[0] - p[..., 0]
     thick = np.interp(back, [-0.02, 0.02, 0.10, 0.22, 0.42], [0.0180, 0.0185, 0.0240, 0.0330, 0.0380])
     wide = np.interp(back, [-0.02, 0.02, 0.10, 0.22, 0.42], [0.0270, 0.0270, 0.0310, 0.0400, 0.0440])
@@ -81,7 +81,7 @@ def _arm_field(p: np.ndarray) -> np.ndarray:
 
 
 def _nodes() -> list[np.ndarray]:
-    """Grid lines: fine around the hand, coarse along the arm."""
+    """Return the grid lines of the field: fine around the hand, coarse along the arm."""
     fine = np.arange(-0.115, 0.152, STEP_M)
     coarse = np.arange(WRIST[0] - ARM_M, -0.115, 0.009)
     return [np.concatenate([coarse, fine]), np.arange(-0.100, 0.066, STEP_M), np.arange(-0.062, 0.058, STEP_M)]
@@ -89,7 +89,7 @@ def _nodes() -> list[np.ndarray]:
 
 @lru_cache(maxsize=1)
 def hand_shape() -> HandShape:
-    """The right hand, built once a process."""
+    """Build the skin of the right hand, once per process."""
     nodes = _nodes()
     p = np.stack(np.meshgrid(*nodes, indexing="ij"), axis=-1)
     palm = palm_field(p)
@@ -108,7 +108,10 @@ def _digit_of(vertices: np.ndarray) -> np.ndarray:
 
 
 def _weights(vertices: np.ndarray, digit: np.ndarray) -> np.ndarray:
-    """(v, 17) float32: each vertex follows palm and its nearest digit only, so that fingers do not drag one another."""
+    """Compute the skinning weights (v, 17) float32.
+
+    A vertex follows the palm and its nearest digit only, so that fingers do not drag one another.
+    """
     fields = np.stack([digit_field(vertices, k) for k in range(5)])
     nearest = np.where(digit >= 0, digit, np.argmin(fields, axis=0))
     out = np.zeros((len(vertices), 17))
@@ -127,6 +130,6 @@ def _weights(vertices: np.ndarray, digit: np.ndarray) -> np.ndarray:
 
 
 def _ahead(points: np.ndarray, T: np.ndarray) -> np.ndarray:
-    """0..1: how far a point lies beyond the near joint of a bone, over the blending width."""
+    """Return a smooth step 0..1 across the proximal joint of a bone, over the blending distance."""
     along = (points - T[:3, 3]) @ T[:3, 0]
     return 1 / (1 + np.exp(-along / (0.5 * BLEND_M)))

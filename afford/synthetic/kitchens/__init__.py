@@ -1,1 +1,1 @@
-"""Kitchens: rooms, casts, scripts, play, clips."""
+"""Synthetic first-person video clips of two hands at work in kitchens, workshops and at desks."""

@@ -1,8 +1,9 @@
-"""The actors of a clip: things with a motion, arms that take hold of them, a head, and what is said about it.
+"""Animation of one clip: object trajectories, arm trajectories that follow them, head motion and narrations.
 
-Time runs from 0 to `LENGTH`; a clip of so many frames shows one unit a frame, a shorter or longer one is faster or slower.
-A script writes the motion of the things; an arm that holds one follows it rigidly, grip by grip, so that hand and object
-never slip. Everything is evaluated late: a script may write what a hand does before the thing it follows.
+Animation time runs from 0 to `DURATION`. A clip of n frames samples it evenly, so a short clip shows faster motion.
+
+A script defines the motion of the objects. An arm that holds an object follows it rigidly, so hand and object never slip. Arm
+poses are evaluated lazily, so a script may define a grasp before the motion of the grasped object.
 """
 
 from __future__ import annotations
@@ -16,13 +17,13 @@ from afford.render.camera import Head
 from afford.render.motion import Curve, Pose, PoseAt, Track, approach, arc
 from afford.synthetic.assets.object_model import Grip, ObjectModel
 
-LENGTH = 121.0
-"""How long a play is, in units of time."""
+DURATION = 121.0
+"""Length of an animation, in units of animation time."""
 
 
 @dataclass
-class Thing:
-    """An object with its motion. `track` is T_world_obj, `opened` the value of its joint."""
+class SceneObject:
+    """Object with a trajectory: `track` is T_world_obj over time, `opened` the value of its joint over time."""
 
     name: str
     model: ObjectModel
@@ -30,60 +31,60 @@ class Thing:
     opened: Curve = field(default_factory=lambda: Curve(np.zeros(1), []))
 
     def at(self, time: float) -> Pose:
-        """T_world_obj at a time."""
+        """Return T_world_obj at a time."""
         return self.track.at(time)
 
-    def palm(self, grip: Grip, time: float) -> Pose:
-        """Where a palm is that holds the thing by `grip`, T_world_palm."""
+    def palm_pose(self, grip: Grip, time: float) -> Pose:
+        """Return T_world_palm of a palm that holds the object by `grip` at a time."""
         joint = self.model.joint
         swing = joint.T_obj_moving(float(self.opened.at(time)[0])) if grip.moving and joint else np.eye(4)
         return self.at(time) @ swing @ grip.T_obj_palm
 
     def move(self, start: float, stop: float, target: Pose, lift_m: float = 0.0) -> None:
-        """Go to a pose (4, 4), in a bow that rises `lift_m`."""
+        """Add a motion to a target pose (4, 4), along an arc that rises by `lift_m` metres."""
         self.track.add(start, stop, arc(self.track.end(), target, np.array([0, 0, lift_m])))
 
     def open(self, start: float, stop: float, value: float) -> None:
-        """Bring the joint to a value (radians or metres)."""
+        """Add a motion of the joint to a value (radians or metres)."""
         self.opened.add(start, stop, value)
 
 
 @dataclass(frozen=True)
-class Touch:
-    """A hand holds a thing from `start` to `stop`."""
+class GripInterval:
+    """Time interval during which a hand holds an object by a grip."""
 
     start: float
     stop: float
-    thing: Thing
+    obj: SceneObject
     grip: Grip
 
 
-class Arm:
-    """One arm: T_world_palm over time, and how far its fingers are closed (0 open .. 1 round the grip)."""
+class ArmMotion:
+    """Trajectory of one arm: T_world_palm over time, and finger closure over time (0 open, 1 closed on the object)."""
 
     def __init__(self, side: str, home: Pose) -> None:
         self.side, self.home = side, home
         self.track = Track(home, [])
         self.closed = Curve(np.zeros(1), [])
-        self.touches: list[Touch] = []
+        self.grip_intervals: list[GripInterval] = []
 
-    def start_holding(self, thing: Thing, grip: Grip, stop: float) -> None:
-        """Hold a thing from before the clip begins."""
+    def hold_from_start(self, obj: SceneObject, grip: Grip, stop: float) -> None:
+        """Hold an object from before the clip begins until `stop`."""
         self.closed.rest = np.ones(1)
-        self._follow(thing, grip, 0.0, stop)
+        self._follow(obj, grip, 0.0, stop)
 
-    def take(self, thing: Thing, grip: Grip, start: float, touch: float, stop: float) -> None:
-        """Reach from `start`, hold from `touch` until `stop`."""
-        self.track.add(start, touch, _reach(self.track.end_path(), lambda: thing.palm(grip, touch), grip))
+    def grasp(self, obj: SceneObject, grip: Grip, start: float, touch: float, stop: float) -> None:
+        """Reach for an object from `start`, make contact at `touch` and hold it until `stop`."""
+        self.track.add(start, touch, _reach(self.track.end_path(), lambda: obj.palm_pose(grip, touch), grip))
         self.closed.add(max(start, touch - 7), touch, 1.0)
-        self._follow(thing, grip, touch, stop)
+        self._follow(obj, grip, touch, stop)
 
-    def _follow(self, thing: Thing, grip: Grip, start: float, stop: float) -> None:
-        self.track.add(start, stop, lambda s: thing.palm(grip, start + s * (stop - start)))
-        self.touches.append(Touch(start, stop, thing, grip))
+    def _follow(self, obj: SceneObject, grip: Grip, start: float, stop: float) -> None:
+        self.track.add(start, stop, lambda s: obj.palm_pose(grip, start + s * (stop - start)))
+        self.grip_intervals.append(GripInterval(start, stop, obj, grip))
 
-    def go(self, start: float, stop: float, target: Pose, leave_m: float = 0.05) -> None:
-        """Move freely to a pose, opening the hand; the hand first backs out of what it held."""
+    def move_to(self, start: float, stop: float, target: Pose, leave_m: float = 0.05) -> None:
+        """Move freely to a pose and open the hand. The hand first backs away from the object that it held."""
         before = self.track.end_path()
 
         def path(s: float) -> Pose:
@@ -93,14 +94,14 @@ class Arm:
         self.closed.add(start - 1, start + 6, 0.0)
         self.track.add(start, stop, path)
 
-    def withdraw(self, stop: float) -> None:
-        """Let go and go home, out of sight, until `stop`."""
+    def retract(self, stop: float) -> None:
+        """Release the object and return to the home pose, out of view, by `stop`."""
         start = self.track.segments[-1][1]
-        self.go(start, max(stop, start + 4), self.home)
+        self.move_to(start, max(stop, start + 4), self.home)
 
-    def touch_at(self, time: float) -> Touch | None:
-        """What the hand holds at a time."""
-        return next((touch for touch in self.touches if touch.start <= time <= touch.stop), None)
+    def grip_at(self, time: float) -> GripInterval | None:
+        """Return the grip interval that contains a time, or None."""
+        return next((interval for interval in self.grip_intervals if interval.start <= time <= interval.stop), None)
 
 
 def _reach(before: Callable[[], Pose], target: Callable[[], Pose], grip: Grip) -> PoseAt:
@@ -113,8 +114,8 @@ def _reach(before: Callable[[], Pose], target: Callable[[], Pose], grip: Grip) -
 
 
 @dataclass(frozen=True)
-class Saying:
-    """One narration: the interval in play time, the sentence, the verb and the nouns, the acted-on one first."""
+class NarratedAction:
+    """Narrated action: time interval, sentence, verb and nouns, with the manipulated noun first."""
 
     start: float
     stop: float
@@ -124,15 +125,15 @@ class Saying:
 
 
 @dataclass
-class Play:
-    """Everything that happens in one clip."""
+class Animation:
+    """Moving elements of one clip: head, arms and objects, with the narrations."""
 
     head: Head
-    arms: dict[str, Arm]
-    things: list[Thing] = field(default_factory=list)
-    sayings: list[Saying] = field(default_factory=list)
+    arms: dict[str, ArmMotion]
+    objects: list[SceneObject] = field(default_factory=list)
+    narrations: list[NarratedAction] = field(default_factory=list)
     hard: tuple[str, ...] = ()
 
-    def say(self, start: float, stop: float, text: str, verb: str, *things: Thing) -> None:
-        """Narrate an action."""
-        self.sayings.append(Saying(start, stop, text, verb, tuple(thing.model.noun for thing in things)))
+    def narrate(self, start: float, stop: float, text: str, verb: str, *objects: SceneObject) -> None:
+        """Add the narration of an action."""
+        self.narrations.append(NarratedAction(start, stop, text, verb, tuple(obj.model.noun for obj in objects)))

@@ -1,4 +1,8 @@
-"""Mask -> VISOR polygons, and back: outlines in 1920 x 1080 that give the same mask again when VISOR's readers draw them."""
+"""Writer of the files of an EPIC-KITCHENS-100 / VISOR root: sparse annotations, narrations, classes and video info.
+
+Names, columns and JSON are those of a real root, and polygons are in 1920 x 1080, so the readers need no special case.
+`write_root` joins the files of several rendered clips into one root.
+"""
 
 from __future__ import annotations
 
@@ -22,10 +26,10 @@ GRID_WH = (1920, 1080)
 
 
 def mask_to_polygons(mask: np.ndarray) -> list[list[list[float]]]:
-    """Outlines of a (h, w) bool mask: polygons of [x, y] corners in the 1920 x 1080 grid, holes as further polygons.
+    """Convert a mask (h, w) bool to VISOR polygons: lists of [x, y] corners in the 1920 x 1080 grid, holes included.
 
-    The mask is blown up so that each of its pixels covers exactly the grid cells that nearest-neighbour resizing would read
-    from, then every border is followed. Drawing all polygons together (even-odd, borders included) fills the same cells.
+    The mask is enlarged so that each of its pixels covers exactly the grid cells that nearest-neighbour resizing reads it from.
+    Every border is then traced. Drawing all polygons together (even-odd rule, borders included) fills the same cells.
     """
     rows, columns = _cells(mask.shape[0], GRID_WH[1]), _cells(mask.shape[1], GRID_WH[0])
     large = np.ascontiguousarray(mask[rows][:, columns]).view(np.uint8)
@@ -34,7 +38,7 @@ def mask_to_polygons(mask: np.ndarray) -> list[list[list[float]]]:
 
 
 def polygons_to_mask(segments: list[list[list[float]]], width: int, height: int) -> np.ndarray:
-    """The mask (height, width) bool of VISOR polygons, by VISOR's own rule: truncate, even-odd fill, nearest resize."""
+    """Draw VISOR polygons as a mask (height, width) bool, by VISOR's rule: truncate, even-odd fill, nearest-neighbour resize."""
     grid = np.zeros((GRID_WH[1], GRID_WH[0]), np.uint8)
     corners = [np.asarray(polygon, np.float64).reshape(-1, 2).astype(np.int32) for polygon in segments if polygon]
     if corners:
@@ -43,7 +47,7 @@ def polygons_to_mask(segments: list[list[list[float]]], width: int, height: int)
 
 
 def _cells(size: int, grid: int) -> np.ndarray:
-    """For each of `grid` cells the index of the pixel, of `size`, that reads it."""
+    """Map each of `grid` cells to the index of its pixel, out of `size` pixels."""
     first = np.arange(size) * grid // size
     return np.searchsorted(first, np.arange(grid), side="right") - 1
 
@@ -59,17 +63,17 @@ INFO_COLUMNS = ("video_id", "duration", "fps", "resolution")
 
 @dataclass(frozen=True)
 class KeyMasks:
-    """What an annotator would draw in one key frame."""
+    """Masks and contacts of one annotated key frame."""
 
     frame: int
     masks: np.ndarray
     """(n, h, w) bool visible pixels of each entity; an empty mask is not annotated"""
     contact: tuple[int, int]
-    """entity index that the (left, right) hand touches, -1 for none"""
+    """index of the entity that the (left, right) hand touches, -1 for none"""
 
 
 def write_annotations(path: Path, video_id: str, entities: Sequence[Entity], keys: Sequence[KeyMasks]) -> None:
-    """The VISOR sparse JSON of one video."""
+    """Write the sparse VISOR annotations of one video as JSON."""
     path.parent.mkdir(parents=True, exist_ok=True)
     points = [{"image": _image(video_id, key.frame), "annotations": _annotations(video_id, entities, key)} for key in keys]
     path.write_text(json.dumps({"video_annotations": points}, separators=(",", ":")), encoding="utf-8")
@@ -100,7 +104,7 @@ def _annotation_id(video_id: str, frame: int, entity_id: str) -> str:
 
 
 def write_actions(root: Path, video_id: str, split: str, narrations: Sequence[Narration]) -> None:
-    """The narration CSV of the split, with EPIC's 15 columns."""
+    """Write the narration CSV of a split, with EPIC's 15 columns."""
     rows = [_action(video_id, narration) for narration in narrations]
     write_csv(root / ACTION_FILES[split], ACTION_COLUMNS, rows)
 
@@ -120,7 +124,7 @@ def _clock(seconds: float, digits: int) -> str:
 
 
 def write_classes(root: Path, nouns: Iterable[str]) -> None:
-    """The class files: our part of EPIC's maps, and rows for the clip's nouns that EPIC does not have."""
+    """Write the verb and noun class files: the used part of EPIC's tables, and the clip's nouns that EPIC lacks."""
     known = {entry.id: entry for entry in (*NOUNS, *map(noun_class, nouns))}
     write_csv(root / "EPIC_100_verb_classes.csv", CLASS_COLUMNS, [_class_row(entry) for entry in VERBS])
     write_csv(root / "EPIC_100_noun_classes_v2.csv", CLASS_COLUMNS, [_class_row(known[key]) for key in sorted(known)])
@@ -131,13 +135,13 @@ def _class_row(entry: WordClass) -> dict[str, object]:
 
 
 def write_info(root: Path, video_id: str, frames: int, width: int, height: int) -> None:
-    """The video info CSV of one video."""
+    """Write the video info CSV of one video."""
     row = {"video_id": video_id, "duration": f"{frames / FPS:.6f}", "fps": f"{FPS:.2f}", "resolution": f"{width}x{height}"}
     write_csv(root / "EPIC_100_video_info.csv", INFO_COLUMNS, [row])
 
 
 def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Mapping[str, object]]) -> None:
-    """A CSV file with a header and Unix line ends."""
+    """Write a CSV file with a header and Unix line endings."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, columns, lineterminator="\n")
@@ -146,16 +150,16 @@ def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Mapping[str, ob
 
 
 def narration(video_id: str, number: int, interval: tuple[int, int], text: str, verb: str, nouns: Sequence[str]) -> Narration:
-    """A narration in EPIC's classes; the first of `nouns` is its noun."""
-    action, thing = verb_class(verb), noun_class(nouns[0])
+    """Build a narration in EPIC's classes; the first of `nouns` is its main noun."""
+    action, obj = verb_class(verb), noun_class(nouns[0])
     return Narration(
         narration_id=f"{video_id}_{number}", start_frame=interval[0], stop_frame=interval[1], text=text, verb=verb,
-        verb_class=action.id, verb_key=action.key, noun=nouns[0], noun_class=thing.id, noun_key=thing.key,
+        verb_class=action.id, verb_key=action.key, noun=nouns[0], noun_class=obj.id, noun_key=obj.key,
         all_nouns=tuple(nouns))
 
 
 def hand_entities() -> tuple[Entity, Entity]:
-    """The two hand entities, as VISOR names them."""
+    """Return the entities of the left and the right hand, named as in VISOR."""
     left, right = (Entity(f"{side} hand", f"{side} hand", HAND_CLASS[side], "hand", side) for side in SIDES)
     return left, right
 
@@ -164,10 +168,10 @@ CLASS_FILES = ("EPIC_100_verb_classes.csv", "EPIC_100_noun_classes_v2.csv")
 
 
 def write_root(trees: Iterable[FileTree], root: Path) -> None:
-    """Write all files of `trees` (the `files` and, when wanted, the `truth` of rendered clips) under `root`.
+    """Write all files of `trees` (`files`, and optionally `truth`, of rendered clips) into one root.
 
-    Raises ValueError when two clips bring different files of the same name that are no tables, or rows with the same key that
-    differ.
+    CSV tables are joined; other files are copied. Raises ValueError when two clips contain different files of the same name, or
+    table rows that share a key but differ.
     """
     by_name: dict[str, list[FileRef]] = {}
     for tree in trees:

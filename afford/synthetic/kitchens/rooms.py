@@ -1,4 +1,4 @@
-"""Where a clip happens: worktop, wall, light and things that only stand around. World: table top z = 0, person at -y."""
+"""Rooms: worktop, wall, lighting, background objects and place mats. World frame: table top at z = 0, person at -y."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from afford.render import materials
-from afford.render.mesh import moved
-from afford.render.motion import about, pose
+from afford.render.mesh import translate
+from afford.render.motion import axis_angle, pose
 from afford.render.scene import BACKGROUND, Instance, Light, Material, linear
 from afford.render.solids import box, patch
 from afford.synthetic.assets import library
@@ -22,14 +22,14 @@ WALL_Y = 0.84
 
 @dataclass(frozen=True, eq=False)
 class Room:
-    """What does not move, and how it is lit."""
+    """Static part of a scene: instances and lighting."""
 
     instances: tuple[Instance, ...]
     light: Light
 
 
-def build(setting: str, rng: np.random.Generator, clutter: int = 6) -> Room:
-    """A kitchen, workshop or desk of its own; `clutter` things stand at the back, others lie about."""
+def build_room(setting: str, rng: np.random.Generator, clutter: int = 6) -> Room:
+    """Build a random kitchen, workshop or desk with `clutter` objects at the back and others scattered beside them."""
     if setting not in SETTINGS:
         raise KeyError(f"unknown setting {setting!r}; choose one of {', '.join(sorted(SETTINGS))}")
     style = SETTINGS[setting]
@@ -38,8 +38,8 @@ def build(setting: str, rng: np.random.Generator, clutter: int = 6) -> Room:
     return Room((*shell, *_clutter(rng, style.standing, clutter), *_scatter(rng, style.lying)), _light(rng, _brightness(top)))
 
 
-def bare(setting: str, rng: np.random.Generator) -> Room:
-    """The same kind of room with nothing standing or lying in it but mats."""
+def build_empty(setting: str, rng: np.random.Generator) -> Room:
+    """Build a room of the same kind without standing or scattered objects, but with mats."""
     style = SETTINGS[setting]
     top = style.top(rng)
     return Room((*_table(rng, top), *_wall(rng, style.wall(rng)), *_mats(rng, style)), _light(rng, _brightness(top)))
@@ -50,7 +50,7 @@ Maker = Callable[[np.random.Generator], Material]
 
 @dataclass(frozen=True)
 class Style:
-    """What a setting is made of, and what stands and lies about in it."""
+    """Materials of a setting, and the kinds of objects that stand and lie in it."""
 
     top: Maker
     wall: Maker
@@ -99,7 +99,7 @@ SETTINGS: dict[str, Style] = {
 
 
 def _table(rng: np.random.Generator, top: Material) -> list[Instance]:
-    """Worktop with a front edge; the grain runs along x."""
+    """Build the worktop with a front edge. The wood grain runs along x."""
     (x0, x1), (y0, y1) = TABLE
     per_m = 1.0 / 0.75
     slab = patch(
@@ -117,10 +117,10 @@ def _table(rng: np.random.Generator, top: Material) -> list[Instance]:
 
 
 def _wall(rng: np.random.Generator, wall: Material) -> list[Instance]:
-    """Back wall, a skirting ledge and a shelf."""
+    """Build the back wall with a skirting ledge and a shelf."""
     back = patch(np.array([-2.0, WALL_Y, -0.1]), np.array([4.0, 0, 0]), np.array([0, 0, 1.6]), (8.0, 3.2))
-    ledge = moved(box((4.0, 0.02, 0.06), 0.003, uv_per_m=2), 0, WALL_Y - 0.01, 0)
-    shelf = moved(
+    ledge = translate(box((4.0, 0.02, 0.06), 0.003, uv_per_m=2), 0, WALL_Y - 0.01, 0)
+    shelf = translate(
         box((float(rng.uniform(0.6, 1.1)), 0.16, 0.022), 0.002, uv_per_m=2), float(rng.uniform(-0.5, 0.5)), WALL_Y - 0.08, 0.42
     )
     timber = materials.wood(rng)
@@ -128,7 +128,7 @@ def _wall(rng: np.random.Generator, wall: Material) -> list[Instance]:
 
 
 def _clutter(rng: np.random.Generator, kinds: tuple[str, ...], count: int) -> list[Instance]:
-    """Things along the back and the sides, clear of the middle where hands work."""
+    """Place objects along the back and the sides, clear of the work area in the middle."""
     out: list[Instance] = []
     slots = rng.permutation(np.linspace(-0.62, 0.62, 9))[:count]
     for x in slots:
@@ -139,11 +139,11 @@ def _clutter(rng: np.random.Generator, kinds: tuple[str, ...], count: int) -> li
 
 
 def _mats(rng: np.random.Generator, style: Style) -> list[Instance]:
-    """Up to two thin things flat on the sides of the worktop: a cloth, a sheet, a cutting mat."""
+    """Place up to two thin objects flat on the sides of the worktop: a cloth, a sheet or a cutting mat."""
     out = []
     for k in range(int(rng.integers(0, 3))):
         wide, deep = rng.uniform(0.20, 0.36), rng.uniform(0.16, 0.28)
-        sheet = moved(
+        sheet = translate(
             patch(np.array([-wide / 2, -deep / 2, 0.0]), np.array([wide, 0, 0]), np.array([0, deep, 0])),
             0,
             0,
@@ -155,7 +155,7 @@ def _mats(rng: np.random.Generator, style: Style) -> list[Instance]:
 
 
 def _scatter(rng: np.random.Generator, kinds: tuple[str, ...]) -> list[Instance]:
-    """A few small things that were dropped at one side and lie as they fell."""
+    """Drop a few small objects at one side of the worktop and keep their resting poses."""
     models = [library.build(kinds[rng.integers(len(kinds))], rng) for _ in range(3)]
     place = _standing(float(rng.choice([-1.0, 1.0])) * rng.uniform(0.48, 0.60), rng.uniform(0.30, 0.50), 0.0)
     poses = rest_poses([m.points for m in models], int(rng.integers(1 << 30)), spread_m=0.07)
@@ -163,7 +163,7 @@ def _scatter(rng: np.random.Generator, kinds: tuple[str, ...]) -> list[Instance]
 
 
 def _standing(x: float, y: float, yaw: float) -> np.ndarray:
-    """(4, 4) pose on the table."""
+    """Return the pose (4, 4) of an object on the table."""
     T = np.eye(4)
     T[:2, :2] = [[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]]
     T[:2, 3] = x, y
@@ -171,13 +171,14 @@ def _standing(x: float, y: float, yaw: float) -> np.ndarray:
 
 
 def _brightness(top: Material) -> float:
-    """Mean linear luminance of the worktop, which fills most of the image."""
+    """Return the mean linear luminance of the worktop, which fills most of the image."""
     return float(linear(top.image[::4, ::4]).mean())
 
 
 def _light(rng: np.random.Generator, brightness: float) -> Light:
-    """A window or a lamp, warm or cool, from the left or right, and much light from the ceiling and the walls, as indoors; the
-    camera exposes for the worktop.
+    """Sample indoor lighting: a warm or cool window or lamp from one side, and strong diffuse light.
+
+    The camera exposure follows the brightness of the worktop.
     """
     side, warm = rng.choice([-1.0, 1.0]), rng.uniform(0.0, 1.0)
     key = np.array([1.0, 0.90 + 0.06 * (1 - warm), 0.78 + 0.22 * (1 - warm)]) * rng.uniform(0.60, 0.85)
@@ -197,7 +198,7 @@ def _light(rng: np.random.Generator, brightness: float) -> Light:
 
 MAT_THICKNESS_M = 0.0012
 MAT_CONTRAST = 0.95
-"""of a pattern, relative to new"""
+"""Contrast of a mat's pattern relative to the original material."""
 MaterialBuilder = Callable[[np.random.Generator], Material]
 MAT_MATERIALS: dict[str, tuple[MaterialBuilder, ...]] = {
     "kitchen": (materials.ceramic, materials.ceramic, materials.carton),
@@ -207,7 +208,7 @@ MAT_MATERIALS: dict[str, tuple[MaterialBuilder, ...]] = {
 
 
 def place_mats(setting: str, rng: np.random.Generator, centre: np.ndarray) -> list[Instance]:
-    """Two flat things around `centre` (2,) on the table, metres."""
+    """Place two flat patterned mats around `centre` (2,) on the table, metres."""
     return [_place_mat(rng, MAT_MATERIALS[setting], centre, level) for level in range(2)]
 
 
@@ -216,11 +217,11 @@ def _place_mat(rng: np.random.Generator, kinds: tuple[MaterialBuilder, ...], cen
     sheet = box(size, 0.0003, uv_per_m=float(rng.uniform(1.7, 2.8)))
     sheet = replace(sheet, uv=sheet.uv * np.array([1, -1], np.float32))
     x, y = centre + rng.uniform(-0.08, 0.08, 2) + (0.22 * level * rng.choice([-1, 1]), -0.04)
-    lying = pose((x, y, 0.0), about((0, 0, 1), rng.uniform(-0.5, 0.5)))
+    lying = pose((x, y, 0.0), axis_angle((0, 0, 1), rng.uniform(-0.5, 0.5)))
     return Instance(sheet, _fade(kinds[rng.integers(len(kinds))](rng)), lying, casts=False)
 
 
 def _fade(fresh: Material) -> Material:
-    """The same pattern with less contrast: cloth and print that have been used, not a poster."""
+    """Reduce the contrast of a material's pattern."""
     mean = fresh.image.mean(axis=(0, 1))
     return replace(fresh, image=(mean + MAT_CONTRAST * (fresh.image - mean)).astype(np.uint8))

@@ -1,8 +1,8 @@
-"""`afford/Settle-v0`: things are dropped on a table and come to rest. Gives physically plausible resting poses.
+"""`afford/Settle-v0`: gymnasium environment in which objects are dropped on a table and come to rest.
 
-Action (2,): push of the table along x and y, -1..1 (zero lets things settle). Observation (n, 7): per body x, y, z in metres,
-then the first two columns' four leading numbers of its rotation (so that every value is bounded). Reward: minus the mean speed,
-bounded by -1. Ends when every body is at rest; is cut off after `max_steps`.
+Action (2,): push of the table along x and y, -1..1 (zero lets the objects settle). Observation (n, 7): per body x, y, z in
+metres, then four leading numbers of the first two columns of its rotation matrix. Reward: minus the mean speed, at least -1. An
+episode terminates when every body is at rest and is truncated after `max_steps`. `rest_poses` runs one episode.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from afford.common.bullet import World
 
 SUBSTEPS = 12
 REST_SPEED = 0.02
-"""Metres a second under which a body counts as lying still."""
+"""Speed in metres per second below which a body counts as at rest."""
 CUBE = np.array([[x, y, z] for x in (-0.03, 0.03) for y in (-0.03, 0.03) for z in (0.0, 0.06)])
 
 
 class Settle(gymnasium.Env):
-    """Bodies (each an (n, 3) vertex array, hulls are taken) fall from random poses onto a table."""
+    """Environment of bodies (convex hulls of (n, 3) vertex arrays) that fall from random poses onto a table."""
 
     metadata = {"render_modes": []}  # noqa: RUF012  # the attribute is gymnasium's
 
@@ -37,7 +37,7 @@ class Settle(gymnasium.Env):
         self._steps = 0
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict[str, Any]]:
-        """Drop everything anew; the same seed gives the same fall."""
+        """Drop all bodies from new random poses. The same seed gives the same fall."""
         super().reset(seed=seed)
         self.close()
         self._world, self._steps = World(), 0
@@ -45,7 +45,7 @@ class Settle(gymnasium.Env):
         return self._observe(), {}
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
-        """Let SUBSTEPS / 240 seconds pass under the push."""
+        """Simulate SUBSTEPS / 240 seconds under the push."""
         world = self._running()
         world.pull((float(action[0]), float(action[1])))
         world.step(SUBSTEPS)
@@ -55,12 +55,12 @@ class Settle(gymnasium.Env):
         return self._observe(), -min(float(np.mean(speeds)), 1.0), rest, self._steps >= self.max_steps, {"at_rest": rest}
 
     def poses(self) -> list[np.ndarray]:
-        """(4, 4) T_world_body of every body now."""
+        """Return T_world_body (4, 4) of every body."""
         world = self._running()
         return [world.pose(body) for body in self._bodies]
 
     def close(self) -> None:
-        """Give the engine back."""
+        """Release the physics engine."""
         if self._world is not None:
             self._world.close()
             self._world = None
@@ -86,7 +86,7 @@ gymnasium.register(id="afford/Settle-v0", entry_point="afford.synthetic.kitchens
 
 
 def rest_poses(shapes: Sequence[np.ndarray], seed: int, spread_m: float = 0.12) -> list[np.ndarray]:
-    """(4, 4) T_table_body of things that were dropped near the origin of a table and lie still."""
+    """Return T_table_body (4, 4) of bodies that were dropped near the origin of a table and settled."""
     env = Settle(shapes, spread_m, max_steps=90)
     env.reset(seed=seed)
     done = False

@@ -1,7 +1,7 @@
-"""EPIC-KITCHENS-100 classes that the synthetic clips speak of: a small part of the public maps, id and key as EPIC has them.
+"""EPIC-KITCHENS-100 verb and noun classes of the synthetic clips: a small part of the public tables, with EPIC's ids and keys.
 
-Nouns outside EPIC's map (most workshop and desk things) have no class there: they get a new id above EPIC's last one and a row
-of their own in the noun file that goes with the clip, as one would add classes to a real root.
+Nouns outside EPIC's table (most workshop and desk objects) get a new id above EPIC's last one, and a row of their own in the
+noun file of the clip.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class WordClass:
-    """One row of a class file: `instances` are the words that mean it here (EPIC lists many more)."""
+    """One row of a class file; `instances` are the words of this class that are used here (EPIC lists more)."""
 
     id: int
     key: str
@@ -85,12 +85,12 @@ NEW_NOUNS = ("hammer", "screwdriver", "drill", "wrench", "pliers", "saw", "toolb
 
 
 def verb_class(word: str) -> WordClass:
-    """The class of a verb as narrated; KeyError names the verb."""
+    """Return the class of a narrated verb. Raises KeyError with the verb."""
     return _find(VERBS, word, "verb")
 
 
 def noun_class(word: str) -> WordClass:
-    """The class of a noun as narrated; words outside EPIC's map have a class of their own above its last id."""
+    """Return the class of a narrated noun. A noun outside EPIC's table has a class of its own above EPIC's last id."""
     if word in NEW_NOUNS:
         return WordClass(FIRST_NEW_NOUN + NEW_NOUNS.index(word), word, (word,), "other")
     return _find(NOUNS, word, "noun")

@@ -1,1 +1,1 @@
-"""Procedural meshes of objects with named parts."""
+"""Procedural closed meshes of household objects with labelled parts."""

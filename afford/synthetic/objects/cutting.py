@@ -1,4 +1,4 @@
-"""Things that cut: knife, cleaver, scissors, saw, chisel, razor. They lie on their side, handle towards -y, edge towards +x."""
+"""Cutting tools: knife, cleaver, scissors, saw, chisel, razor. They lie on their side, handle towards -y, edge towards +x."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from afford.synthetic.objects.solid_shapes import (
 
 
 def knife(rng: np.random.Generator) -> tuple[Solid, ...]:
-    """Kitchen knives from paring to carving: a pointed blade, a bolster, a handle."""
+    """A kitchen knife, from paring to carving knife: pointed blade, bolster, handle."""
     length, height, thick = rng.uniform(0.09, 0.24), rng.uniform(0.020, 0.046), rng.uniform(0.0018, 0.003)
     s = np.linspace(0, 1, 26)
     belly, drop = rng.uniform(1.8, 4.5), rng.uniform(0.1, 0.75)
@@ -54,7 +54,7 @@ def cleaver(rng: np.random.Generator) -> tuple[Solid, ...]:
 
 
 def scissors(rng: np.random.Generator) -> tuple[Solid, ...]:
-    """Two blades that cross at a pivot, opened a little, with a loop at the end of each."""
+    """Two blades that cross at a pivot, slightly open, with a loop at the end of each."""
     length, wide = rng.uniform(0.06, 0.12), rng.uniform(0.013, 0.019)
     opened, reach = rng.uniform(4, 13), rng.uniform(0.035, 0.05)
     ratio, pin = rng.uniform(1.0, 1.7), rng.uniform(0.0035, 0.005)
@@ -64,7 +64,7 @@ def scissors(rng: np.random.Generator) -> tuple[Solid, ...]:
 
 
 def _scissor_half(side: int, length: float, wide: float, reach: float, ratio: float, opened: float) -> tuple[Solid, ...]:
-    """One blade above (+1) or below (-1) the other, its edge towards `side`, its loop on the other side of the axis."""
+    """One blade above (+1) or below (-1) the other, its edge towards `side` and its loop on the other side of the axis."""
     s = np.linspace(0, 1, 20)
     edge, spine = side * 0.30 * wide * np.ones_like(s), -side * 0.70 * wide * (1 - s**2.2) + side * 0.0012
     steel = blade(-0.012 + (length + 0.012) * s, spine, edge + side * 0.001, 0.0024).translate((0, 0, side * 0.0011))
@@ -107,7 +107,7 @@ def chisel(rng: np.random.Generator) -> tuple[Solid, ...]:
 
 
 def razor(rng: np.random.Generator) -> tuple[Solid, ...]:
-    """A safety razor: a round handle, and across its end a head out of which the blade looks on both sides."""
+    """A safety razor: a round handle, and a head across its end with the blade exposed on both sides."""
     length, radius = rng.uniform(0.075, 0.10), rng.uniform(0.0048, 0.0065)
     y, envelope = capped(-length, 0.0, radius)
     ribs = 1 + 0.06 * np.sign(np.sin(y * 2 * np.pi / 0.008)) * (y < -0.02)

@@ -1,4 +1,5 @@
-"""Things of the house: iron, hair dryer, brush, spatula, fork. The handle points towards -y, what works towards +y."""
+"""Household objects: iron, hair dryer, brushes, spatula, fork, spray bottle, flashlight, candle. Handle at -y, working end at +y.
+"""
 
 from __future__ import annotations
 
@@ -47,7 +48,7 @@ def iron(rng: np.random.Generator) -> tuple[Solid, ...]:
 
 
 def _boat(long: float, wide: float, point: float) -> np.ndarray:
-    """(n, 2) outline of a sole: round at the back (-y), pointed in front."""
+    """Outline (n, 2) of a soleplate, round at the back (-y) and pointed in front."""
     s = np.linspace(-1, 1, 40)
     heel, toe = np.clip((-0.55 - s) / 0.45, 0, 1), np.clip(s + 0.55, 0, None) / 1.55
     half = wide / 2 * np.maximum(np.sqrt(np.clip(1 - heel**2, 0.05, 1)) - toe**point, 0.015)
@@ -97,20 +98,20 @@ def brush(rng: np.random.Generator) -> tuple[Solid, ...]:
 
 
 def tuft(x: float, y: float, z: float, deep: float, splay: float, radius: float) -> Manifold:
-    """A bundle of bristles, wider and leaning outwards at its free end."""
+    """A bundle of bristles that widens and leans outwards at its free end."""
     lean = splay * deep / 0.03
     ends = np.array([(x, y, z), (x * (1 + lean), y * (1 + lean), z + deep)])
     return sweep(ends, [0.72 * radius, radius], up=(0.0, 1.0, 0.0), sides=8)
 
 
 def spots(half_x: float, half_y: float, step: float) -> list[tuple[float, float]]:
-    """Places on a grid inside an ellipse."""
+    """Return grid positions inside an ellipse."""
     xs, ys = (np.arange(-np.floor(half / step), np.floor(half / step) + 1) * step + 0.0003 for half in (half_x, half_y))
     return [(float(x), float(y)) for x in xs for y in ys if (x / half_x) ** 2 + (y / half_y) ** 2 <= 1.0]
 
 
 def spatula(rng: np.random.Generator) -> tuple[Solid, ...]:
-    """A turner: a slotted head that is bent down from a thin shaft, and a handle."""
+    """A turner: a slotted head bent down from a thin shaft, and a handle."""
     wide, long = rng.uniform(0.030, 0.045), rng.uniform(0.075, 0.115)
     near, slots = rng.uniform(0.55, 0.9), int(rng.integers(3, 6))
     outline = [(-near * wide, 0), (near * wide, 0), (wide, 0.3 * long), (wide, long), (-wide, long), (-wide, 0.3 * long)]
@@ -151,7 +152,7 @@ def fork(rng: np.random.Generator) -> tuple[Solid, ...]:
 
 
 def toothbrush(rng: np.random.Generator) -> tuple[Solid, ...]:
-    """By hand: flat, slender or stout; electric: a thick round handle and a round head. Bristles upwards."""
+    """A manual (flat, slender or stout) or electric (thick round handle, round head) toothbrush, bristles upwards."""
     electric = rng.random() < 0.3
     long, reach = rng.uniform(0.085, 0.135), rng.uniform(0.022, 0.050)
     wide = rng.uniform(0.0115, 0.0150) if electric else rng.uniform(0.0050, 0.0095)
@@ -174,7 +175,7 @@ def toothbrush(rng: np.random.Generator) -> tuple[Solid, ...]:
 
 
 def spray_bottle(rng: np.random.Generator) -> tuple[Solid, ...]:
-    """A bottle, round, flat or square, with or without a waist; a collar, a head with a nozzle, a trigger below it."""
+    """A bottle (round, flat or square) with a collar, a head with a nozzle, and a trigger below it."""
     half_x, h = rng.uniform(0.026, 0.042), rng.uniform(0.10, 0.19)
     half_y, narrow = half_x * rng.uniform(0.65, 1.25), rng.uniform(0.012, 0.0155)
     t = np.array([0.0, 0.02, 0.10, 0.30, 0.50, rng.uniform(0.60, 0.80), 0.93, 1.0])
@@ -201,7 +202,7 @@ def spray_bottle(rng: np.random.Generator) -> tuple[Solid, ...]:
 
 
 def flashlight(rng: np.random.Generator) -> tuple[Solid, ...]:
-    """A torch, slender or stout, its head flared, plain or turned upwards; the switch on its side or at its end."""
+    """A flashlight, slender or stout, with a flared, plain or angled head, and a switch on its side or at its end."""
     long, radius = rng.uniform(0.07, 0.19), rng.uniform(0.010, 0.018)
     flare, deep = rng.uniform(1.15, 2.2), rng.uniform(0.028, 0.055)
     y, envelope = capped(-long, 0.006, 0.5 * radius, 60)
@@ -222,7 +223,7 @@ def flashlight(rng: np.random.Generator) -> tuple[Solid, ...]:
 
 
 def _switch(rng: np.random.Generator, long: float, radius: float) -> Manifold:
-    """A button: a disc or a slide on the side that faces up, or a cap at the end."""
+    """A button: a disc or a slide on the upper side, or a cap at the end."""
     kind, at = int(rng.integers(3)), -rng.uniform(0.12, 0.30) * long
     if kind == 0:
         return block((1.1 * radius, rng.uniform(1.4, 2.4) * radius, 0.5 * radius), (0, at, 0.98 * radius), 0.001)
@@ -233,7 +234,7 @@ def _switch(rng: np.random.Generator, long: float, radius: float) -> Manifold:
 
 
 def candle(rng: np.random.Generator) -> tuple[Solid, ...]:
-    """A candle in a holder to carry it by: a saucer or a cup on a foot, with a ring, an ear or a stick to hold."""
+    """A candle in a portable holder: a saucer or a cup on a foot, with a ring, an ear or a stick to hold."""
     thick, tall = rng.uniform(0.0095, 0.022), rng.uniform(0.045, 0.16)
     plate, lip = thick + rng.uniform(0.022, 0.045), rng.uniform(0.006, 0.016)
     stand = float(rng.choice([0.0, rng.uniform(0.02, 0.09)]))
@@ -252,7 +253,7 @@ def candle(rng: np.random.Generator) -> tuple[Solid, ...]:
 
 
 def _ear(rng: np.random.Generator, plate: float, lip: float) -> Manifold:
-    """What the holder is carried by, beyond the edge of its plate."""
+    """Carrying handle of the holder, beyond the edge of its plate."""
     kind, radius = int(rng.integers(3)), rng.uniform(0.014, 0.021)
     if kind == 0:
         stood = hoop(radius, radius, rng.uniform(0.0036, 0.0055), rng.uniform(1.0, 1.6)).rotate((0, 90, 0))

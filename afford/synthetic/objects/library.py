@@ -1,4 +1,8 @@
-"""Parts -> one closed surface without inner faces, with the part that every face came from (exact booleans, manifold3d)."""
+"""Library of procedural objects: one closed mesh per object, with the part of every face.
+
+The parts of a category are united by exact booleans (manifold3d), so the mesh has no inner faces. The texture is applied from
+an independent random stream.
+"""
 
 from __future__ import annotations
 
@@ -14,18 +18,18 @@ from afford.synthetic.objects.texture import texture_surface
 from schemas.mesh import MeshParts, ObjectMesh, ObjectSpec, PartedMesh
 
 SPECK_M3 = 1e-15
-"""Flat specks that rounding leaves beside the body hold less."""
+"""Largest volume of a flat speck that rounding leaves beside the body, m^3."""
 
 SIMPLER_M = 2e-5
-"""Slivers that the union leaves are collapsed when the surface moves by less."""
+"""Surface displacement up to which slivers of the union are collapsed, metres."""
 
 THIN_M = 2e-6
-"""Lowest triangle."""
+"""Minimum height of a triangle, metres."""
 
 
 @dataclass(frozen=True, eq=False)
 class LabelledMesh:
-    """A closed surface: vertices (v, 3) float64 m, faces (f, 3) int32, part (f,) int16 index into `names`."""
+    """Closed mesh: vertices (v, 3) float64 in metres, faces (f, 3) int32, part (f,) int16 index into `names`."""
 
     vertices: np.ndarray
     faces: np.ndarray
@@ -34,10 +38,10 @@ class LabelledMesh:
 
 
 def unite_parts(solids: Sequence[Solid], edge_m: float, max_faces: int) -> LabelledMesh:
-    """The union of solids with no edge longer than `edge_m`, coarser where that takes more than `max_faces`.
+    """Unite solids into one mesh with no edge longer than `edge_m`, or coarser where that exceeds `max_faces`.
 
-    The footprint's middle becomes the origin and the lowest point z = 0. A face lies in one part. ValueError when the solids
-    do not make one body.
+    The middle of the footprint becomes the origin and the lowest point z = 0. Each face belongs to one part. Raises ValueError
+    when the solids do not form one body.
     """
     own = [(solid.part, solid.shape.as_original()) for solid in solids]
     whole = Manifold.batch_boolean([shape for _, shape in own], OpType.Add).simplify(SIMPLER_M)
@@ -51,7 +55,7 @@ def unite_parts(solids: Sequence[Solid], edge_m: float, max_faces: int) -> Label
 
 
 def _refined(whole: Manifold, edge_m: float, max_faces: int) -> Manifold:
-    """Edges split to the length, or to a longer one that keeps the number of faces."""
+    """Split edges to a length, or to a longer one that keeps the number of faces below the limit."""
     if whole.num_tri() > max_faces:
         raise ValueError(f"object_build.max_faces: expected at least {whole.num_tri()} for this object, got {max_faces}")
     while (fine := _split(whole, edge_m)).num_tri() > max_faces:
@@ -60,7 +64,7 @@ def _refined(whole: Manifold, edge_m: float, max_faces: int) -> Manifold:
 
 
 def _split(whole: Manifold, edge_m: float) -> Manifold:
-    """Edges split to the length; the edges that this makes inside a face may be twice as long, so it takes three rounds."""
+    """Split edges to a length, in three rounds, since a round leaves edges inside faces that may be twice as long."""
     for _ in range(3):
         whole = whole.refine_to_length(edge_m)
     return whole
@@ -78,7 +82,7 @@ def _labelled(whole: Manifold, names: tuple[str, ...], number: dict[int, int]) -
 
 
 def _fix_slivers(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """The vertices, the tops of slivers moved by micrometres, in directions that are always the same, until none is left."""
+    """Move the apexes of sliver triangles by micrometres, in reproducible directions, until no sliver is left."""
     moved, rng = points.copy(), np.random.default_rng(0)
     for _ in range(100):
         height, top = _heights(moved, faces)
@@ -90,7 +94,7 @@ def _fix_slivers(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 def _heights(points: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(f,) metres over the longest edge, and (f,) the vertex opposite to it."""
+    """Return the height (f,) over the longest edge, in metres, and the vertex (f,) opposite to that edge."""
     tri = points[faces]
     double = np.linalg.norm(np.cross(tri[:, 1] - tri[:, 0], tri[:, 2] - tri[:, 0]), axis=1)
     edge = np.linalg.norm(np.roll(tri, -1, axis=1) - np.roll(tri, 1, axis=1), axis=2)
@@ -107,14 +111,14 @@ BUILDERS: dict[str, Callable[[np.random.Generator], tuple[Solid, ...]]] = {
 
 
 def build_shape(category: str, seed: int, edge_m: float = 0.006, max_faces: int = 16_000) -> LabelledMesh:
-    """A new object of this category, with the part of every face; ValueError lists the categories."""
+    """Build the mesh of a category, with the part of every face. Raises ValueError with the known categories."""
     if category not in BUILDERS:
         raise ValueError(f"ObjectSpec.category: expected one of {', '.join(sorted(BUILDERS))}, got {category!r}")
     return unite_parts(BUILDERS[category](np.random.default_rng([seed, 0])), edge_m, max_faces)
 
 
 def build_object(spec: ObjectSpec, edge_m: float, max_faces: int, atlas_px: int) -> PartedMesh:
-    """The object of a spec. Its look comes out of a random stream of its own and never sees the parts."""
+    """Build the textured object of a spec. Its texture does not depend on its parts."""
     made = build_shape(spec.category, spec.seed, edge_m, max_faces)
     look = texture_surface(made.vertices, made.faces, spec.look, atlas_px, np.random.default_rng([spec.seed, 1]))
     mesh = ObjectMesh(spec.name, spec.category, look.vertices.astype(np.float32), look.faces, look.uv, look.texture)

@@ -1,6 +1,7 @@
-"""Closed solids out of which objects are put together: turned, swept, lofted, cut out of a sheet. Metres, z up.
+"""Closed solids for building objects: revolved, swept, lofted and extruded shapes, handles and blades. Metres, z up.
 
-All return a `manifold3d.Manifold`, which is closed and oriented by construction, so that unions of them are exact.
+All shapes are a `manifold3d.Manifold`, which is closed and oriented by construction, so that unions are exact. Handles end at y
+= 0, where the tool begins.
 """
 
 from __future__ import annotations
@@ -17,19 +18,19 @@ from afford.render import solids
 from afford.render.solids import grid_faces
 
 SIDES = 24
-"""Corners of round sections."""
+"""Number of corners of round sections."""
 
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """A closed piece of an object, and the semantic part that its surface belongs to."""
+    """Closed piece of an object, and the semantic part of its surface."""
 
     part: str
     shape: Manifold
 
 
 def closed(vertices: np.ndarray, faces: np.ndarray) -> Manifold:
-    """Vertices (v, 3) and faces (f, 3), welded where they coincide and turned outwards; ValueError when they leave a gap."""
+    """Build a solid from vertices (v, 3) and faces (f, 3), welded and oriented outwards. Raises ValueError for an open surface."""
     points, index = np.unique(np.asarray(vertices, np.float64) + 0.0, axis=0, return_inverse=True)
     corner = index.reshape(-1)[faces].astype(np.uint64)
     whole = corner[(corner != np.roll(corner, 1, axis=1)).all(axis=1)]
@@ -42,26 +43,29 @@ def closed(vertices: np.ndarray, faces: np.ndarray) -> Manifold:
 
 
 def revolve(profile: ArrayLike, sides: int = 2 * SIDES) -> Manifold:
-    """A solid of revolution about z. `profile` (n, 2) of (radius, height) begins and ends on the axis, or where it began."""
+    """Build a solid of revolution about z from `profile` (n, 2) of (radius, height).
+
+    The profile begins and ends on the axis, or is closed.
+    """
     line = np.asarray(profile, float)
     shape = solids.lathe(line, sides, crease_deg=180.0)
     return closed(shape.vertices, shape.faces).rotate((0, 0, np.degrees(_phase(line, sides))))
 
 
 def lay_along_y(shape: Manifold) -> Manifold:
-    """What stands along z, laid along +y."""
+    """Rotate a shape along z so that it lies along +y."""
     return shape.rotate((-90.0, 0.0, 0.0))
 
 
 def sweep(path: ArrayLike, radius: ArrayLike, flat: float = 1.0, up: tuple[float, float, float] = (0, 0, 1),
           sides: int = SIDES) -> Manifold:  # fmt: skip
-    """An ellipse of `radius` (n,) across, times `flat` along `up`, swept along `path` (n, 3)."""
+    """Sweep an ellipse of `radius` (n,) across, times `flat` along `up`, along `path` (n, 3)."""
     shape = solids.tube(np.asarray(path, float), np.asarray(radius, float), sides, flat=flat, up=up)
     return closed(shape.vertices, shape.faces)
 
 
 def loft(rings: ArrayLike) -> Manifold:
-    """The skin over `rings` (n, m, 3) of m corners each, closed at both ends. Sections must be star-shaped."""
+    """Loft a solid over `rings` (n, m, 3) of m corners each, closed at both ends. Sections must be star-shaped."""
     ring = np.asarray(rings, float)
     ends = np.stack([ring[0].mean(axis=0), ring[-1].mean(axis=0)])
     first, last = (np.repeat(end[None], ring.shape[1], axis=0)[None] for end in ends)
@@ -71,13 +75,13 @@ def loft(rings: ArrayLike) -> Manifold:
 
 
 def block(size: tuple[float, float, float], at: tuple[float, float, float] = (0, 0, 0), bevel: float = 0.001) -> Manifold:
-    """A box about the point `at`, its edges cut."""
+    """Build a box with bevelled edges, centred at `at`."""
     shape = solids.box(size, bevel)
     return closed(shape.vertices, shape.faces).translate((at[0], at[1], at[2] - size[2] / 2))
 
 
 def sheet(outline: ArrayLike, thickness: float, holes: tuple[ArrayLike, ...] = (), round_m: float = 0.0) -> Manifold:
-    """A flat outline (n, 2) with holes, corners rounded by `round_m`, of a thickness about z = 0."""
+    """Extrude a flat outline (n, 2) with holes, centred at z = 0, with corners rounded by `round_m`."""
     flat = CrossSection([_counter_clockwise(outline)])
     for hole in holes:
         flat = flat - CrossSection([_counter_clockwise(hole)])
@@ -89,7 +93,7 @@ def sheet(outline: ArrayLike, thickness: float, holes: tuple[ArrayLike, ...] = (
 
 def bar(y: ArrayLike, half_x: ArrayLike, half_z: ArrayLike, x: ArrayLike = 0.0, z: ArrayLike = 0.0, *, square: float = 2.0,
         sides: int = SIDES) -> Manifold:  # fmt: skip
-    """A bar along y whose sections are superellipses (`square` 2: ellipse, 5: nearly a box) of half sizes (n,) about (x, z)."""
+    """Build a bar along y with superelliptic sections (`square` 2: ellipse, 5: nearly a box) of half sizes (n,) about (x, z)."""
     along, *rest = np.broadcast_arrays(*(np.asarray(v, float) for v in (y, half_x, half_z, x, z)))
     a = np.linspace(0, 2 * np.pi, sides, endpoint=False) + _phase(np.stack([along, *rest]), sides)
     c, s = (np.sign(w) * np.abs(w) ** (2 / square) for w in (np.cos(a), np.sin(a)))
@@ -98,7 +102,7 @@ def bar(y: ArrayLike, half_x: ArrayLike, half_z: ArrayLike, x: ArrayLike = 0.0, 
 
 
 def plate(middle: ArrayLike, thick: float) -> Manifold:
-    """A curved plate: `middle` (n, m, 3) is a grid of points on it, `thick` its thickness along z."""
+    """Build a curved plate from a grid of points `middle` (n, m, 3), with thickness `thick` along z."""
     grid, up = np.asarray(middle, float), np.array([0, 0, thick / 2])
     skin = np.concatenate([grid + up, grid[:, ::-1] - up], axis=1)
     fold = np.concatenate([grid, grid[:, ::-1]], axis=1)
@@ -108,7 +112,7 @@ def plate(middle: ArrayLike, thick: float) -> Manifold:
 
 
 def wire(points: ArrayLike, radius: float, round_m: float, flat: float = 1.0, sides: int = 14) -> Manifold:
-    """A wire along straight lines through `points` (n, 3) in a plane of constant z, its bends rounded over `round_m`."""
+    """Sweep a wire along line segments through `points` (n, 3) in a plane of constant z, with bends rounded over `round_m`."""
     knots = np.asarray(points, float)
     at = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(knots, axis=0), axis=1))])
     step = round_m / 4
@@ -120,7 +124,7 @@ def wire(points: ArrayLike, radius: float, round_m: float, flat: float = 1.0, si
 
 
 def hoop(radius_x: float, radius_y: float, thick: float, flat: float = 1.0) -> Manifold:
-    """A torus lying on z = 0's plane: half sizes to the middle of its wire, half thickness, and that of z as a share of it."""
+    """Build an elliptic torus in the plane z = 0, from its half sizes, half thickness and flattening along z."""
     a = np.linspace(0, 2 * np.pi, 15)
     wire = np.stack([radius_x + thick * np.cos(a), thick * np.sin(a)], axis=-1)
     wire[-1] = wire[0]
@@ -128,26 +132,26 @@ def hoop(radius_x: float, radius_y: float, thick: float, flat: float = 1.0) -> M
 
 
 def curve(points: ArrayLike, count: int) -> np.ndarray:
-    """(count, k) points of a smooth line through `points` (n, k) that never swings past them."""
+    """Return points (count, k) of a smooth monotone curve through `points` (n, k)."""
     knots = np.asarray(points, float)
     at = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(knots, axis=0), axis=1))])
     return np.asarray(PchipInterpolator(at, knots)(np.linspace(0, at[-1], count)))
 
 
 def capped(start: float, stop: float, cap: float, count: int = 20) -> tuple[np.ndarray, np.ndarray]:
-    """(count,) stations from start to stop, denser at the ends, and the share 0..1 of the full width that rounds both ends."""
+    """Return stations (count,), denser at the ends, and the width (count,) as a share 0..1 that rounds both ends."""
     t = (1 - np.cos(np.pi * np.linspace(0, 1, count))) / 2
     short = np.clip(np.minimum(t, 1 - t) * abs(stop - start) / cap, 0, 1)
     return start + t * (stop - start), np.maximum(np.sqrt(1 - (1 - short) ** 2), 0.2)
 
 
 def _phase(numbers: np.ndarray, sides: int) -> float:
-    """An angle of its own for every shape, so that no two solids on one axis meet edge on edge, where a union leaves slivers."""
+    """Return an angle that differs between shapes, so that edges of coaxial solids never coincide and leave slivers in a union."""
     return float(np.abs(numbers).sum() * 1e4 % 1 * 2 * np.pi / sides)
 
 
 def _counter_clockwise(outline: ArrayLike) -> np.ndarray:
-    """The outline, counter-clockwise."""
+    """Return the outline in counter-clockwise order."""
     line = np.asarray(outline, float)
     x, y = line.T
     area = np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1))
@@ -155,7 +159,7 @@ def _counter_clockwise(outline: ArrayLike) -> np.ndarray:
 
 
 OVERLAP_M = 0.004
-"""How far pieces reach into each other, so that their union is one body."""
+"""Overlap of neighbouring pieces, metres, so that their union is one body."""
 
 
 def bar_grip(rng: np.random.Generator, length: float, half_x: float, half_z: float) -> Manifold:
@@ -169,7 +173,7 @@ def bar_grip(rng: np.random.Generator, length: float, half_x: float, half_z: flo
 
 
 def knob_grip(rng: np.random.Generator, length: float, radius: float, flutes: int = 0) -> Manifold:
-    """A turned handle from y = -length to just past 0: pommel, belly, neck; with `flutes` its belly is ribbed."""
+    """A turned handle from y = -length to just past 0: pommel, belly and neck; `flutes` adds ribs."""
     belly, neck, pommel = rng.uniform(0.40, 0.60), rng.uniform(0.58, 0.78), rng.uniform(0.80, 0.98)
     t = np.array([0, 0.012, 0.06, belly * 0.6, belly, 0.80, 0.92, 1.0])
     r = radius * np.array([0.30, 0.55, pommel, 0.98, 1.0, neck, neck + 0.12, neck])
@@ -183,13 +187,14 @@ def knob_grip(rng: np.random.Generator, length: float, radius: float, flutes: in
 
 
 def stand_along_z(shape: Manifold) -> Manifold:
-    """What lies along +y, stood up along z."""
+    """Rotate a shape along +y so that it stands along z."""
     return shape.rotate((90.0, 0.0, 0.0))
 
 
 def blade(y: np.ndarray, spine: np.ndarray, edge: np.ndarray, thick: float, ground: float = 0.5) -> Manifold:
-    """A ground blade in the plane z = 0: at each station y (n,) it reaches in x from the spine to the edge; from the share
-    `ground` of that on it thins to the edge.
+    """A ground blade in the plane z = 0 that extends in x from `spine` to `edge` at each station y (n,).
+
+    From the share `ground` of its width it thins to the edge.
     """
     shoulder = spine + ground * (edge - spine)
     t = thick / 2 * np.clip(np.abs(edge - spine) / np.abs(edge - spine).max() / 0.3, 0.25, 1)
@@ -199,7 +204,7 @@ def blade(y: np.ndarray, spine: np.ndarray, edge: np.ndarray, thick: float, grou
 
 
 def t_grip(rng: np.random.Generator, wide: float, radius: float) -> Manifold:
-    """A bar across, `wide` from end to end, on a stub that ends just past 0."""
+    """A T handle: a crossbar, `wide` from end to end, on a stub that ends just past 0."""
     x, envelope = capped(-wide / 2, wide / 2, radius, 24)
     swell = 1 + rng.uniform(-0.15, 0.25) * np.cos(np.pi * x / wide)
     across = bar(x, radius * envelope * swell, rng.uniform(0.8, 1.0) * radius * envelope, square=rng.uniform(2.0, 3.0))
@@ -208,7 +213,7 @@ def t_grip(rng: np.random.Generator, wide: float, radius: float) -> Manifold:
 
 
 def d_grip(rng: np.random.Generator, wide: float, long: float, radius: float) -> Manifold:
-    """A bar across, `wide` from end to end, between two arms that meet just past 0, `long` away."""
+    """A D handle: a crossbar, `wide` from end to end, between two arms that meet just past 0, `long` away."""
     half, bow = wide / 2 - radius, rng.uniform(1.3, 1.9)
     y = np.linspace(OVERLAP_M, radius - long, 16)
     x = half * np.sin(np.pi / 2 * np.linspace(0, 1, 16) ** bow)
@@ -219,7 +224,7 @@ def d_grip(rng: np.random.Generator, wide: float, long: float, radius: float) ->
 
 
 def ring_grip(rng: np.random.Generator, radius: float, thick: float) -> Manifold:
-    """A ring to put a finger or a hand through, on a stub that ends just past 0."""
+    """A ring handle for a finger or a hand, on a stub that ends just past 0."""
     round_y = rng.uniform(0.75, 1.35) * radius
     stub = lay_along_y(revolve([(0, -0.8 * thick), (1.1 * thick, -0.8 * thick), (0.9 * thick, OVERLAP_M), (0, OVERLAP_M)], 24))
     return hoop(radius, round_y, thick, rng.uniform(0.8, 1.2)).translate((0, -round_y - 0.5 * thick, 0)) + stub

@@ -1,4 +1,4 @@
-"""Things of table and baking: wine glass, teapot, pizza cutter, rolling pin. Vessels stand; the others lie, handle towards -y."""
+"""Tableware and baking tools: wine glass, teapot, pizza cutter, rolling pin. Vessels stand; the others lie, handle towards -y."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ BOWLS = {
     "cone": [(0.0, 0.0), (0.12, 0.04), (0.5, 0.42), (1.0, 1.0)],
     "tulip": [(0.0, 0.0), (0.7, 0.06), (1.0, 0.32), (0.82, 0.72), (0.98, 1.0)],
 }
-"""Outlines of glasses: radius and height as shares of the largest."""
+"""Profiles of glasses: radius and height as shares of the largest."""
 SIZES_M = {"wine": (0.037, 0.09), "flute": (0.025, 0.13), "coupe": (0.047, 0.05), "cone": (0.052, 0.065), "tulip": (0.036, 0.085)}
 
 
 def wine_glass(rng: np.random.Generator) -> tuple[Solid, ...]:
-    """A stemmed glass: for wine, sparkling wine or cocktails, its stem high or short, smooth or with a knot."""
+    """A stemmed glass for wine, sparkling wine or cocktails, with a long or short, smooth or knotted stem."""
     kind = str(rng.choice(list(BOWLS)))
     radius, tall = np.array(SIZES_M[kind]) * rng.uniform(0.85, 1.2, 2)
     wall, long = rng.uniform(0.0018, 0.0028), rng.uniform(0.025, 0.105)
@@ -54,7 +54,7 @@ def wine_glass(rng: np.random.Generator) -> tuple[Solid, ...]:
 
 
 def _bead(outer: np.ndarray, inside: float, deep: float, thick: float) -> Manifold:
-    """The upper end of a wall that reaches out from `inside`, made thicker on both sides."""
+    """Thickened upper end of a wall that extends out from `inside`."""
     top = outer[-1, 1]
     z = top + np.array([-deep, 0.0006 - deep, -0.0008, 0.0008])
     more = thick * np.array([0.6, 1.0, 1.0, 0.4])
@@ -65,12 +65,12 @@ def _bead(outer: np.ndarray, inside: float, deep: float, thick: float) -> Manifo
 
 
 def _within(inner: np.ndarray, z: float) -> Manifold:
-    """What a bowl with this inside holds."""
+    """Solid that fills a bowl with this inner profile."""
     return revolve(np.concatenate([[(0, inner[0, 1])], inner, [(0, inner[-1, 1])]])).translate((0, 0, z - 0.0005))
 
 
 def teapot(rng: np.random.Generator) -> tuple[Solid, ...]:
-    """A teapot: squat, round, pear-shaped, straight or with corners; its handle behind, above or a straight stick."""
+    """A teapot (squat, round, pear-shaped, straight or polygonal) with its handle behind or above, or a straight stick."""
     r, h = rng.uniform(0.050, 0.078), rng.uniform(0.070, 0.125)
     top, foot, belly = rng.uniform(0.38, 0.62) * r, rng.uniform(0.60, 0.95) * r, rng.uniform(0.30, 0.62)
     low, high = 0.5 * (foot + r), 0.55 * r + 0.45 * top
@@ -94,7 +94,7 @@ def teapot(rng: np.random.Generator) -> tuple[Solid, ...]:
 
 
 def _stick(rng: np.random.Generator, line: np.ndarray, h: float) -> Manifold:
-    """A straight handle at the side, rising a little."""
+    """A straight handle at the side that rises slightly."""
     at = rng.uniform(0.5, 0.7) * h
     root = float(np.interp(at, line[:, 1], line[:, 0]))
     thick = rng.uniform(0.010, 0.014)
@@ -103,14 +103,14 @@ def _stick(rng: np.random.Generator, line: np.ndarray, h: float) -> Manifold:
 
 
 def _tapered(long: float, thick: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Stations from -long to 0.012 and half sizes of a stick that swells towards its free end."""
+    """Return stations from -long to 0.012 and half sizes of a stick that swells towards its free end."""
     y, envelope = capped(-long, 0.012, thick, 20)
     half = thick * envelope * np.linspace(1.1, 0.75, 20)
     return y, half, half
 
 
 def pizza_cutter(rng: np.random.Generator) -> tuple[Solid, ...]:
-    """A wheel between two prongs or on one, a guard before the fingers, a handle: straight, waisted or a ring."""
+    """A wheel on one or two prongs, a finger guard, and a straight, waisted or ring handle."""
     radius, axle = rng.uniform(0.028, 0.052), rng.uniform(0.012, 0.035)
     long, girth = rng.uniform(0.085, 0.125), rng.uniform(0.0105, 0.0155)
     kind = rng.random()
@@ -138,7 +138,7 @@ def _prong(side: int, start: float, centre: float, gap: float, half: float) -> M
 
 
 def rolling_pin(rng: np.random.Generator) -> tuple[Solid, ...]:
-    """A roller with a handle at either side: turned knobs on thin necks, plain sticks, or its own tapering ends."""
+    """A roller with a handle at each side: turned knobs on thin necks, plain sticks, or tapering ends."""
     half, radius, long = rng.uniform(0.07, 0.15), rng.uniform(0.020, 0.036), rng.uniform(0.065, 0.11)
     kind = rng.random()
     if kind < 0.2:

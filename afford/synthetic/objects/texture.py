@@ -1,4 +1,12 @@
-"""A triangle mesh cut along the zero line of a function, so that every face lies on one side of it."""
+"""Texture of an object: materials over regions of its surface that are independent of its parts, in one atlas image.
+
+Look "plain" is one material. Look "mixed" cuts the surface along one or two random level sets (planes across the long axis,
+slanted planes, bands, balls, noise), which gives two to four regions, each with its own material. Parts are not an input: the
+same surface gets the same bytes whatever its labels.
+
+The atlas consists of square tiles, one per material. Each face is projected along its dominant axis (box projection). A tile
+covers the whole object, so that no face leaves its tile.
+"""
 
 from __future__ import annotations
 
@@ -10,14 +18,16 @@ import numpy as np
 from afford.render import materials
 
 NEAR = 0.12
-"""A cut keeps this share of an edge away from its ends, so that no sliver arises."""
+"""Minimum distance of a cut from the ends of an edge, as a share of its length, which avoids slivers."""
 
 
 def cut_by_level(
     vertices: np.ndarray, faces: np.ndarray, value: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Vertices (v, 3), faces (f, 3) and values (v,) -> more vertices, int32 faces, the face that each is a piece of, and its
-    side: 1 where the value is positive or zero, else 0. A closed surface stays closed.
+    """Cut a triangle mesh along the zero level set of `value` (v,), so that every face lies on one side.
+
+    Returns vertices with the added ones, faces int32, the source face of each new face, and its side: 1 where the value is
+    positive or zero, else 0. A closed surface stays closed.
     """
     side = np.asarray(value) >= 0
     lone = _lone_corner(side[faces])
@@ -35,14 +45,14 @@ def cut_by_level(
 
 
 def _lone_corner(side: np.ndarray) -> np.ndarray:
-    """(f,) corner that is alone on its side, -1 where all three agree."""
+    """Return the corner (f,) that is alone on its side, -1 where all three agree."""
     count = side.sum(axis=1)
     alone = np.where((count == 1)[:, None], side, ~side).argmax(axis=1)
     return np.where((count == 1) | (count == 2), alone, -1)
 
 
 def _midpoints(vertices: np.ndarray, value: np.ndarray, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """All vertices with one new point for every edge (2, n, 2) that is crossed, and the indices (2, n) of those points."""
+    """Add one point for every crossed edge of `edges` (2, n, 2); return all vertices and the indices (2, n) of the new points."""
     ends, index = np.unique(np.sort(edges.reshape(-1, 2), axis=1), axis=0, return_inverse=True)
     start, stop = ends.T
     share = np.clip(value[start] / (value[start] - value[stop]), NEAR, 1 - NEAR)[:, None]
@@ -52,15 +62,17 @@ def _midpoints(vertices: np.ndarray, value: np.ndarray, edges: np.ndarray) -> tu
 
 LOOKS = ("mixed", "plain")
 MARGIN = 6
-"""Texels between a tile's border and what is mapped into it, so that neighbours do not bleed in."""
+"""Margin in texels between the border of a tile and the mapped area, so that neighbouring tiles do not bleed in."""
 AXES = np.array([(1, 2), (0, 2), (0, 1)])
-"""The two coordinates that remain when the object is seen along x, y, z."""
+"""Coordinates that remain when the object is projected along x, y, z."""
 
 
 @dataclass(frozen=True, eq=False)
 class TexturedSurface:
-    """A surface with its texture: vertices (v, 3) float64, faces (f, 3) int32, uv (f, 3, 2) float32, texture (a, a, 3) uint8,
-    and source (f,) int64, the face of the bare surface that each face is a piece of.
+    """Textured surface.
+
+    vertices (v, 3) float64, faces (f, 3) int32, uv (f, 3, 2) float32, texture (a, a, 3) uint8, and source (f,) int64, the face
+    of the original surface that each face is cut from.
     """
 
     vertices: np.ndarray
@@ -71,7 +83,10 @@ class TexturedSurface:
 
 
 def texture_surface(vertices: np.ndarray, faces: np.ndarray, look: str, atlas_px: int, rng: np.random.Generator) -> TexturedSurface:
-    """The surface in a look, its faces cut where one material ends; ValueError for an unknown look or a size that does not fit."""
+    """Texture a surface in a look, with its faces cut at material boundaries.
+
+    Raises ValueError for an unknown look or an atlas size that is not a power of two of at least 64.
+    """
     if look not in LOOKS:
         raise ValueError(f"ObjectSpec.look: expected mixed or plain, got {look!r}")
     if atlas_px < 64 or atlas_px & (atlas_px - 1):
@@ -87,7 +102,7 @@ def texture_surface(vertices: np.ndarray, faces: np.ndarray, look: str, atlas_px
 
 
 def random_level_set(vertices: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """(v,) values of a random smooth function of place; a region ends where it is zero."""
+    """Return the values (v,) of a random smooth function on the surface; a region ends where it is zero."""
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     size, long = high - low, int(np.argmax(high - low))
     at = (vertices - low) / size.max()
@@ -109,7 +124,7 @@ def random_level_set(vertices: np.ndarray, rng: np.random.Generator) -> np.ndarr
 
 
 def _uv(vertices: np.ndarray, faces: np.ndarray, tile: np.ndarray, across: int, atlas_px: int) -> np.ndarray:
-    """(f, 3, 2) float32: box projection into the tile of each face, v upwards."""
+    """Return the box projection (f, 3, 2) float32 of each face into its tile, v upwards."""
     tri = vertices[faces]
     normal = np.abs(np.cross(tri[:, 1] - tri[:, 0], tri[:, 2] - tri[:, 0]))
     seen = AXES[normal.argmax(axis=1)]
@@ -122,7 +137,7 @@ def _uv(vertices: np.ndarray, faces: np.ndarray, tile: np.ndarray, across: int, 
 
 
 def _atlas(rng: np.random.Generator, tiles: int, across: int, atlas_px: int) -> np.ndarray:
-    """(atlas_px, atlas_px, 3) uint8: a material in every tile; tile 0 is at the lower left, where u = v = 0."""
+    """Return the atlas (atlas_px, atlas_px, 3) uint8 with a material in every tile; tile 0 is at the lower left, u = v = 0."""
     side = atlas_px // across
     atlas = np.zeros((atlas_px, atlas_px, 3), np.uint8)
     for k in range(tiles):
@@ -132,7 +147,7 @@ def _atlas(rng: np.random.Generator, tiles: int, across: int, atlas_px: int) -> 
 
 
 def _swatch(rng: np.random.Generator, side: int) -> np.ndarray:
-    """(side, side, 3) uint8 of one kind of surface, turned either way."""
+    """Return a patch (side, side, 3) uint8 of a random material, rotated by 0 or 90 degrees."""
     kinds = (materials.wood, materials.metal, materials.plastic, materials.rubber, materials.ceramic, materials.leather)
     made = kinds[int(rng.integers(len(kinds)))](rng).image
     return np.rot90(cv2.resize(made, (side, side), interpolation=cv2.INTER_AREA), int(rng.integers(2)))

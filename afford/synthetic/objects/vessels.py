@@ -9,7 +9,7 @@ from afford.synthetic.objects.solid_shapes import Solid, bar, bar_grip, capped, 
 
 
 def hollow(side: np.ndarray, h: float, wall: float, base: float) -> tuple[Manifold, Manifold]:
-    """An open vessel whose outer radius runs along `side` from foot to rim, and what fills it to the middle of its wall."""
+    """An open vessel whose outer radius follows `side` from foot to rim, and the solid that fills it to the middle of its wall."""
     z = np.linspace(0.004, h, len(side))
     outer = np.stack([side, z], -1)
     inner = np.stack([side - wall, np.maximum(z, base)], -1)
@@ -47,7 +47,7 @@ def arch_above(rng: np.random.Generator, top: float, h: float, dome: float) -> M
 
 
 def knob_on(radius: float, z: float) -> Manifold:
-    """A knob on a lid that ends at this height."""
+    """A knob on a lid whose top is at this height."""
     y, envelope = capped(z - 0.003, z + 1.5 * radius, 0.6 * radius, 14)
     waist = np.interp(y, [z - 0.003, z + 0.4 * radius, z + 0.9 * radius], [0.55, 0.55, 1.0])
     return revolve(np.concatenate([[(0, y[0])], np.stack([radius * waist * np.maximum(envelope, 0.3), y], -1), [(0, y[-1])]]), 28)
@@ -84,7 +84,7 @@ def pan(rng: np.random.Generator) -> tuple[Solid, ...]:
 
 
 def pot(rng: np.random.Generator) -> tuple[Solid, ...]:
-    """A cooking pot under its lid, with a loop at either side."""
+    """A cooking pot under its lid, with a loop handle at each side."""
     r, h = rng.uniform(0.085, 0.125), rng.uniform(0.09, 0.15)
     foot = rng.uniform(0.90, 1.0) * r
     body = revolve([(0, 0), (foot - 0.006, 0), (foot, 0.006), (r, h - 0.006), (r + 0.004, h - 0.004), (r + 0.004, h), (0, h)])

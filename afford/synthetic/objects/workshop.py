@@ -1,4 +1,4 @@
-"""Tools that strike, turn, bore, heat and spread: hammer, axe, screwdriver, drill, soldering iron, trowel. Handle towards -y."""
+"""Tools for striking, turning, drilling, heating, spreading and digging. They lie, handle towards -y, except the drill."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from afford.synthetic.objects.solid_shapes import (
 )
 
 ALONG_X = (0.0, 90.0, 0.0)
-"""Turns what stands along z so that it lies along +x."""
+"""Rotation of a shape along z so that it lies along +x."""
 
 
 def hammer(rng: np.random.Generator) -> tuple[Solid, ...]:
@@ -152,7 +152,7 @@ def trowel(rng: np.random.Generator) -> tuple[Solid, ...]:
 
 
 def pliers(rng: np.random.Generator) -> tuple[Solid, ...]:
-    """Pliers, opened a little: needle-nosed, blunt or broad; jaws straight on or turned aside."""
+    """Pliers, slightly open: needle-nosed, blunt or broad, with straight or angled jaws."""
     long, wide = rng.uniform(0.025, 0.075), rng.uniform(0.0065, 0.0145)
     sharp, thick = rng.uniform(0.15, 0.9), rng.uniform(0.0042, 0.0070)
     boss, aside = rng.uniform(0.011, 0.015), float(rng.choice([0, 0, 0, 0, -30, -45]))
@@ -167,7 +167,7 @@ def pliers(rng: np.random.Generator) -> tuple[Solid, ...]:
 
 
 def _plier_jaw(side: int, long: float, wide: float, sharp: float, thick: float) -> Manifold:
-    """Half of the jaws along +y, its inner face just off x = 0; `sharp` is what is left of the width at its end."""
+    """Half of the jaws along +y, its inner face just off x = 0; `sharp` is the remaining share of the width at its end."""
     y = np.array([-0.006, 0.0, 0.25 * long, 0.9 * long, long]) + 0.004
     half = wide / 2 * np.array([0.8, 1.0, 1.0, sharp, 0.75 * sharp])
     deep = thick * np.array([0.9, 0.95, 0.95, 0.5 + 0.4 * sharp, 0.4 + 0.4 * sharp])
@@ -183,7 +183,7 @@ def _arm(side: int, reach: float, spread: float, girth: float, flat: float, boss
 
 
 def wrench(rng: np.random.Generator) -> tuple[Solid, ...]:
-    """An open, a ring or an adjustable wrench, its handle straight, with a hole or a ring at its end."""
+    """An open-end, ring or adjustable wrench with a straight handle, and a hole or a ring at its end."""
     long = rng.uniform(0.10, 0.26)
     radius, thick = rng.uniform(0.11, 0.17) * long, rng.uniform(0.022, 0.042) * long
     make = (_open_end, _ring_end, _adjustable)[int(rng.integers(3))]
@@ -198,7 +198,7 @@ def wrench(rng: np.random.Generator) -> tuple[Solid, ...]:
 
 
 def _open_end(rng: np.random.Generator, radius: float, thick: float) -> Manifold:
-    """A round head with a slot that is turned aside."""
+    """A round head with an angled slot."""
     a = np.linspace(0, 2 * np.pi, 48, endpoint=False)
     outline = np.stack([radius * np.cos(a), 1.08 * radius * np.sin(a)], -1)
     half, deep = rng.uniform(0.42, 0.56) * radius, rng.uniform(0.0, 0.35) * radius
@@ -207,7 +207,7 @@ def _open_end(rng: np.random.Generator, radius: float, thick: float) -> Manifold
 
 
 def _ring_end(rng: np.random.Generator, radius: float, thick: float) -> Manifold:
-    """A closed ring around a nut of six or twelve corners."""
+    """A closed ring around a nut with six or twelve corners."""
     corners = int(rng.choice([6, 12]))
     a = np.linspace(0, 2 * np.pi, 2 * corners, endpoint=False) if corners == 12 else np.linspace(0, 2 * np.pi, 6, endpoint=False)
     r = rng.uniform(0.58, 0.70) * radius * (np.where(np.arange(len(a)) % 2, 0.9, 1.0) if corners == 12 else 1.0)
@@ -217,7 +217,7 @@ def _ring_end(rng: np.random.Generator, radius: float, thick: float) -> Manifold
 
 
 def _adjustable(rng: np.random.Generator, radius: float, thick: float) -> Manifold:
-    """A fixed jaw, one that slides across, and the worm that moves it."""
+    """A fixed jaw, a sliding jaw, and the worm that moves it."""
     gap, tall = rng.uniform(0.25, 0.8) * radius, rng.uniform(0.9, 1.3) * radius
     fixed = np.array([(-0.60, -0.75), (0.50, -0.75), (0.95, -0.15), (0.95, 0.30), (-0.45, 0.30), (-0.42, 1.0), (-0.72, 1.0),
                       (-1.0, 0.4), (-0.95, -0.1)]) * [radius, 1.0] * [1.0, tall]  # fmt: skip
@@ -229,7 +229,7 @@ def _adjustable(rng: np.random.Generator, radius: float, thick: float) -> Manifo
 
 
 def shovel(rng: np.random.Generator) -> tuple[Solid, ...]:
-    """From a camping spade to a garden shovel: a dished blade, square or pointed, and a knob, a T or a D at the other end."""
+    """A shovel, from camping spade to garden shovel: a dished blade, square or pointed, and a knob, T or D handle."""
     size, shaft, radius = rng.uniform(0.5, 0.95), rng.uniform(0.28, 0.70), rng.uniform(0.013, 0.018)
     long, half, dish = rng.uniform(0.19, 0.31), rng.uniform(0.075, 0.125), rng.uniform(0.06, 0.30)
     v, u = np.linspace(0, 1, 16)[:, None], np.linspace(-1, 1, 15)[None]
@@ -253,7 +253,7 @@ def shovel(rng: np.random.Generator) -> tuple[Solid, ...]:
 
 
 def paint_roller(rng: np.random.Generator) -> tuple[Solid, ...]:
-    """A roller on a bent wire: narrow or broad, thick or thin, its handle smooth, waisted or ending in a ring."""
+    """A roller on a bent wire, narrow or broad, with a smooth, waisted or ring-ended handle."""
     half, radius = rng.uniform(0.04, 0.125), rng.uniform(0.013, 0.032)
     side, reach, thick = float(rng.choice([-1, 1])), rng.uniform(0.075, 0.17), rng.uniform(0.0038, 0.0052)
     long, girth = rng.uniform(0.10, 0.14), rng.uniform(0.011, 0.016)

@@ -1,1 +1,1 @@
-"""Still pictures of hands and things, with exact labels."""
+"""Rendered still images of objects and hands on a table, with exact labels."""

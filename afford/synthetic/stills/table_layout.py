@@ -1,4 +1,4 @@
-"""Things put on a table so that none stands in another, and how high the table is built up at every place."""
+"""Collision-free placement of objects on the table, and the height map of a layout."""
 
 from __future__ import annotations
 
@@ -8,24 +8,24 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from afford.render.motion import Pose, about, pose
+from afford.render.motion import Pose, axis_angle, pose
 from afford.synthetic.assets.object_model import ObjectModel
 
 LOW, HIGH = np.array([-0.45, -0.10]), np.array([0.45, 0.74])
-"""Corners of the map of the table, world x and y in metres."""
+"""Corners of the height map, world x and y in metres."""
 CELL_M = 0.005
 WITHIN = ((-0.27, 0.27), (0.15, 0.46))
-"""Where the middle of a thing may be: in reach of both hands and in the picture."""
+"""Range of an object's position: within reach of both hands and in view."""
 GAP_M = 0.015
 TRIES = 60
-TURNED = ("mug",)
-"""Kinds that people leave standing whichever way, although it matters for the hand."""
+ANY_YAW_KINDS = ("mug",)
+"""Kinds that are placed with any yaw, although the yaw matters for the hand."""
 TURN_RAD = 0.7
 
 
 @dataclass(frozen=True, eq=False)
-class Placed:
-    """An object with its place on the table; `number` tells it from the others of the layout."""
+class PlacedObject:
+    """Object with its pose on the table; `number` identifies it within the layout."""
 
     number: int
     model: ObjectModel
@@ -35,19 +35,19 @@ class Placed:
 
     @property
     def top_m(self) -> float:
-        """Height of its highest point."""
+        """Height of its highest point, metres."""
         return float(self.model.points[:, 2].max())
 
 
-def place_on_table(models: Sequence[ObjectModel], rng: np.random.Generator) -> list[Placed]:
-    """Place the models, large ones first; one that finds no free place in `TRIES` is left out."""
+def place_on_table(models: Sequence[ObjectModel], rng: np.random.Generator) -> list[PlacedObject]:
+    """Place models on the table, large ones first. A model without a free position in `TRIES` attempts is left out."""
     taken = np.zeros(_shape(), np.uint8)
-    out: list[Placed] = []
+    out: list[PlacedObject] = []
     for model in sorted(models, key=lambda m: -float(m.size[0] * m.size[1])):
         for _ in range(TRIES):
-            T = pose((*(rng.uniform(*span) for span in WITHIN), 0.0), about((0, 0, 1), _yaw(model, rng)))
-            placed = Placed(len(out), model, T, _outline(model, T))
-            mine = _filled(placed.outline, GAP_M)
+            T = pose((*(rng.uniform(*span) for span in WITHIN), 0.0), axis_angle((0, 0, 1), _yaw(model, rng)))
+            placed = PlacedObject(len(out), model, T, _outline(model, T))
+            mine = _rasterize(placed.outline, GAP_M)
             if not (taken & mine).any():
                 taken |= mine
                 out.append(placed)
@@ -55,23 +55,23 @@ def place_on_table(models: Sequence[ObjectModel], rng: np.random.Generator) -> l
     return out
 
 
-def height_map(things: Sequence[Placed]) -> np.ndarray:
-    """(rows, columns) float32 metres: what stands on each cell of the map, 0 for the bare table."""
+def height_map(objects: Sequence[PlacedObject]) -> np.ndarray:
+    """Compute the height map (rows, columns) float32 of a layout, metres, 0 for the bare table."""
     out = np.zeros(_shape(), np.float32)
-    for thing in things:
-        out[_filled(thing.outline, 0.0) > 0] = thing.top_m
+    for obj in objects:
+        out[_rasterize(obj.outline, 0.0) > 0] = obj.top_m
     return out
 
 
 def height_at(built: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """(n,) height of the map under world points (n, 3); 0 outside the map."""
+    """Look up the height (n,) of the map under world points (n, 3); 0 outside the map."""
     column, row = np.floor((points[:, :2] - LOW) / CELL_M).astype(int).T
     inside = (column >= 0) & (row >= 0) & (column < built.shape[1]) & (row < built.shape[0])
     return np.where(inside, built[np.where(inside, row, 0), np.where(inside, column, 0)], 0.0)
 
 
 def _yaw(model: ObjectModel, rng: np.random.Generator) -> float:
-    if model.spins or model.kind in TURNED:
+    if model.spins or model.kind in ANY_YAW_KINDS:
         return float(rng.uniform(-np.pi, np.pi))
     return float(np.clip(rng.normal(0.0, TURN_RAD), -2.0, 2.0))
 
@@ -81,8 +81,8 @@ def _outline(model: ObjectModel, T: Pose) -> np.ndarray:
     return cv2.convexHull(points)[:, 0]
 
 
-def _filled(outline: np.ndarray, grown_m: float) -> np.ndarray:
-    """(rows, columns) uint8: 1 inside the outline, which is first moved outwards."""
+def _rasterize(outline: np.ndarray, grown_m: float) -> np.ndarray:
+    """Rasterize an outline that is first dilated by `grown_m`; (rows, columns) uint8, 1 inside."""
     out = np.zeros(_shape(), np.uint8)
     cv2.fillConvexPoly(out, np.round((outline - LOW) / CELL_M).astype(np.int32), 1)
     side = 2 * round(grown_m / CELL_M) + 1

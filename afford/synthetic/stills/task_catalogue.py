@@ -1,11 +1,11 @@
-"""What can be asked of the things on a table: verb, sentence, and which parts of what the hands take. A literal catalogue."""
+"""Catalogue of tasks: verb, sentence and the parts that each hand takes, for the objects on a table."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from afford.synthetic.stills.table_layout import Placed
+from afford.synthetic.stills.table_layout import PlacedObject
 
 HOLD: dict[str, tuple[str, ...]] = {
     "mug": ("body", "handle", "rim"), "bottle": ("body", "neck"), "water": ("body",), "kettle": ("handle",),
@@ -15,14 +15,14 @@ HOLD: dict[str, tuple[str, ...]] = {
     "tape": ("rim", "body"), "wood": ("body",), "drill": ("handle",),
     "glass": ("body", "rim"), "grinder": ("body",),
 }  # fmt: skip
-"""Parts by which a thing is taken up; kinds that are not named: any part."""
+"""Parts by which an object is picked up; any part for kinds that are not listed."""
 WIDE: dict[str, tuple[str, ...]] = {
     "bowl": ("edge",), "plate": ("edge",), "board": ("edge",), "box": ("side",), "toolbox": ("body",), "laptop": ("side",),
     "book": ("side",), "wood": ("body",), "pan": ("handle",), "pot": ("handle",),
 }  # fmt: skip
-"""Kinds that two hands carry where there is room on both sides, and where they take them."""
+"""Kinds that two hands carry where both sides are free, and the parts that they take."""
 OTHER_END = {"pan": ("pan rim",)}
-"""Where the second hand takes a thing that the first one has by its handle."""
+"""Part that the second hand takes when the first hand holds the handle."""
 TAKE = (("pick-up", "pick up {}"), ("take", "take {}"), ("take", "take the {}"), ("grab", "grab {}"))
 PUT = (("put-down", "put down {}"), ("put", "put {} away"), ("place", "place {}"))
 MOVE = (("move", "move {}"), ("move", "move {} aside"))
@@ -31,28 +31,30 @@ LIFT = (("lift", "lift {}"), ("carry", "carry {}"), ("hold", "hold {}"))
 
 @dataclass(frozen=True)
 class Task:
-    """Something to do. `parts` of the first thing are taken by one hand; `support` are the parts that the other hand takes, of
-    the second thing when there is one, else of the first. Without `must`, one hand does where two have no room, and then it
-    takes `alone` (None: `parts`).
+    """Task with the parts that each hand takes.
+
+    `parts` of the first object are taken by one hand. `support` are the parts that the other hand takes, of the second object
+    when there is one, else of the first. Without `both_required`, one hand is enough where two do not fit, and it then takes
+    `one_hand_parts` (None: `parts`).
     """
 
     verb: str
     text: str
-    things: tuple[Placed, ...]
+    objects: tuple[PlacedObject, ...]
     parts: tuple[str, ...]
     support: tuple[str, ...] | None = None
-    must: bool = True
-    alone: tuple[str, ...] | None = None
+    both_required: bool = True
+    one_hand_parts: tuple[str, ...] | None = None
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """Kinds of the things."""
-        return tuple(thing.model.kind for thing in self.things)
+        """Kinds of the objects."""
+        return tuple(obj.model.kind for obj in self.objects)
 
 
 @dataclass(frozen=True)
 class ToolUse:
-    """A row of the catalogue: `kinds` do it alone, or to one of `targets`. '{0}' is the thing, '{1}' the target."""
+    """Row of the catalogue: `kinds` are used by themselves or on one of `targets`. '{0}' is the object, '{1}' the target."""
 
     verb: str
     texts: tuple[str, ...]
@@ -60,20 +62,20 @@ class ToolUse:
     parts: tuple[str, ...] = ()
     support: tuple[str, ...] | None = None
     targets: tuple[str, ...] = ()
-    must: bool = True
+    both_required: bool = True
 
 
 POURED = ("bottle", "carton", "water", "jar", "can", "kettle", "jug")
-USES = (
+TOOL_USES = (
     ToolUse("shake", ("shake {0}",), ("bottle", "jar", "carton", "can", "water", "glue"), ("body",)),
     ToolUse("check", ("check {0}", "inspect {0}"), ("can", "jar", "carton", "phone", "book"), ("body", "edge")),
     ToolUse("open", ("open {0}", "open the {0}"), ("jar",), ("lid",), ("body",)),
     ToolUse("close", ("close {0}",), ("jar",), ("lid",), ("body",)),
     ToolUse("open", ("open {0}",), ("bottle",), ("neck",), ("body",)),
     ToolUse("open", ("open {0}",), ("water",), ("lid",), ("body",)),
-    ToolUse("open", ("open {0}", "open the {0}"), ("box",), ("flap",), ("side",), must=False),
-    ToolUse("close", ("close {0}",), ("box",), ("flap",), ("side",), must=False),
-    ToolUse("open", ("open {0}",), ("kettle",), ("lid",), ("handle",), must=False),
+    ToolUse("open", ("open {0}", "open the {0}"), ("box",), ("flap",), ("side",), both_required=False),
+    ToolUse("close", ("close {0}",), ("box",), ("flap",), ("side",), both_required=False),
+    ToolUse("open", ("open {0}",), ("kettle",), ("lid",), ("handle",), both_required=False),
     ToolUse("open", ("open {0}",), ("toolbox",), ("lid",)),
     ToolUse("open", ("open {0}",), ("book",), ("cover",)),
     ToolUse("open", ("open {0}",), ("laptop",), ("screen",)),
@@ -83,7 +85,7 @@ USES = (
     ToolUse("turn", ("turn {0}",), ("grinder",), ("head",), ("body",)),
     ToolUse("pour", ("pour from {0}",), POURED, ("body", "handle")),
     ToolUse("pour", ("pour from {0} into {1}", "pour {0} into {1}"), POURED, ("body", "handle"), ("body", "handle"),
-        ("mug", "cup", "glass"), must=False),
+        ("mug", "cup", "glass"), both_required=False),
     ToolUse("pour", ("pour from {0} into {1}",), POURED, ("body", "handle"), None, ("bowl", "pan", "pot")),
     ToolUse("stir", ("stir {1} with {0}", "stir in {1} with {0}"), ("spoon", "spatula", "ladle", "whisk"), (),
         ("edge", "handle", "body"), ("bowl", "pan", "mug", "pot")),
@@ -98,36 +100,36 @@ USES = (
 )  # fmt: skip
 
 
-def tasks_for(things: Sequence[Placed], names: dict[int, str]) -> Iterator[Task]:
-    """Everything that can be asked of the things of a layout; `names` says how a person calls each, by number."""
-    for thing in things:
-        yield from _alone(thing, names[thing.number])
-    for use in USES:
-        for thing in things:
-            if thing.model.kind in use.kinds:
-                yield from _used(use, thing, things, names)
+def tasks_for(objects: Sequence[PlacedObject], names: dict[int, str]) -> Iterator[Task]:
+    """Enumerate the tasks of a layout; `names` maps object numbers to nouns."""
+    for obj in objects:
+        yield from _common_tasks(obj, names[obj.number])
+    for use in TOOL_USES:
+        for obj in objects:
+            if obj.model.kind in use.kinds:
+                yield from _use_tasks(use, obj, objects, names)
 
 
-def _alone(thing: Placed, name: str) -> Iterator[Task]:
-    """Taking, putting, moving and lifting: what every thing is for."""
-    kind = thing.model.kind
+def _common_tasks(obj: PlacedObject, name: str) -> Iterator[Task]:
+    """Enumerate the tasks of every object: take, put, move and lift."""
+    kind = obj.model.kind
     hold = HOLD.get(kind, ())
     for verb, text in (*TAKE, *PUT):
-        yield Task(verb, text.format(name), (thing,), hold)
+        yield Task(verb, text.format(name), (obj,), hold)
     wide = WIDE.get(kind)
     for verb, text in (*MOVE, *LIFT):
         if wide:
-            yield Task(verb, text.format(name), (thing,), wide, OTHER_END.get(kind, wide), must=False, alone=hold)
+            yield Task(verb, text.format(name), (obj,), wide, OTHER_END.get(kind, wide), both_required=False, one_hand_parts=hold)
         else:
-            yield Task(verb, text.format(name), (thing,), hold)
+            yield Task(verb, text.format(name), (obj,), hold)
 
 
-def _used(use: ToolUse, thing: Placed, things: Sequence[Placed], names: dict[int, str]) -> Iterator[Task]:
-    targets = [other for other in things if other.model.kind in use.targets and other is not thing]
-    parts = use.parts or HOLD.get(thing.model.kind, ())
+def _use_tasks(use: ToolUse, obj: PlacedObject, objects: Sequence[PlacedObject], names: dict[int, str]) -> Iterator[Task]:
+    targets = [other for other in objects if other.model.kind in use.targets and other is not obj]
+    parts = use.parts or HOLD.get(obj.model.kind, ())
     for text in use.texts:
         if not use.targets:
-            yield Task(use.verb, text.format(names[thing.number]), (thing,), parts, use.support, use.must)
+            yield Task(use.verb, text.format(names[obj.number]), (obj,), parts, use.support, use.both_required)
         for other in targets:
-            words = text.format(names[thing.number], names[other.number])
-            yield Task(use.verb, words, (thing, other), parts, use.support, use.must)
+            words = text.format(names[obj.number], names[other.number])
+            yield Task(use.verb, words, (obj, other), parts, use.support, use.both_required)

@@ -1,1 +1,1 @@
-"""Table-top RGB-D interactions with exact truth."""
+"""Rendered table-top RGB-D interactions with exact scene flow, depth and affordance labels."""

@@ -1,6 +1,7 @@
-"""What the hand does with the thing: one function for each affordance. Time runs from 0 to LENGTH, in thirtieths of a second.
+"""Manipulations of an object by one hand, one function for each affordance.
 
-Every act is approach, touch, manipulation, release, withdrawal; before the touch and after the release the thing is at rest.
+Time runs from 0 to LENGTH, in thirtieths of a second. Every manipulation consists of approach, contact, motion, release and
+withdrawal. The object is at rest before contact and after release.
 """
 
 from __future__ import annotations
@@ -11,53 +12,53 @@ from dataclasses import dataclass
 import numpy as np
 
 from afford.dataset.affordance_rules import affordance_rule
-from afford.render.motion import Curve, Pose, PoseAt, Track, about, approach, arc, ease, pose, sway
+from afford.render.motion import Curve, Pose, PoseAt, Track, approach, arc, axis_angle, ease, pose, sway
 from afford.synthetic.assets.object_model import ObjectModel
 from afford.synthetic.tabletop import hand_placement
-from afford.synthetic.tabletop.hand_placement import Hold
-from afford.synthetic.tabletop.tabletop_objects import TOP_M
+from afford.synthetic.tabletop.hand_placement import InitialGrasp
+from afford.synthetic.tabletop.tabletop_objects import CONTACT_HEIGHT_M
 
 LENGTH, TOUCH, RELEASE = 27.0, 5.0, 22.0
 SQUASH, BULGE = 0.34, 0.10
-"""How much of its width a thing that is squeezed loses between the fingers, and gains across."""
+"""Share of its width that a squeezed object loses between the fingers, and gains across."""
 FLEX = np.array((0.0, 0.10, 0.06, 0.04) + (0.0, 0.16, 0.12, 0.05) * 4)
-"""How the fingers follow what gives way."""
+"""Change of the joint angles while the squeezed object yields."""
 Builder = Callable[[ObjectModel, tuple[str, ...], np.random.Generator], "Manipulation"]
 
 
 @dataclass(frozen=True, eq=False)
 class Manipulation:
-    """A hand and a thing over time."""
+    """Trajectories of a hand and an object."""
 
-    hold: Hold
-    thing: Track
-    held: Callable[[float], Pose]
-    """T_world_palm between touch and release"""
-    press: Curve
-    """how hard it is squeezed, 0 to 1"""
+    hold: InitialGrasp
+    object_track: Track
+    held_palm: Callable[[float], Pose]
+    """T_world_palm between contact and release"""
+    squeeze: Curve
+    """squeezing strength, 0 to 1"""
     start: Pose
     leave: Pose
 
     def palm(self, time: float) -> Pose:
-        """T_world_palm."""
+        """Return T_world_palm at a time."""
         inward = 0.035 * self.hold.palm[:3, 2]
         if time < TOUCH:
-            return approach(self.start, self.held(TOUCH), np.zeros(3), inward)(time / TOUCH)
+            return approach(self.start, self.held_palm(TOUCH), np.zeros(3), inward)(time / TOUCH)
         if time <= RELEASE:
-            return self.held(time)
-        last = self.held(RELEASE)
+            return self.held_palm(time)
+        last = self.held_palm(RELEASE)
         outward = -0.045 * last[:3, 2] + (0, 0, 0.02)
         return approach(last, self.leave, outward, np.zeros(3))((time - RELEASE) / (LENGTH - RELEASE))
 
     def fingers(self, time: float) -> np.ndarray:
-        """(20,) joint angles."""
+        """Return the joint angles (20,) at a time."""
         closed = ease((time - TOUCH + 4) / 4.5) * (1 - ease((time - RELEASE + 0.5) / 2.5))
-        pressed = FLEX * float(self.press.at(time)[0])
+        pressed = FLEX * float(self.squeeze.at(time)[0])
         return np.asarray(self.hold.opened + closed * (self.hold.closed + pressed - self.hold.opened))
 
-    def pressed(self, points: np.ndarray, time: float) -> np.ndarray:
-        """(n, 3) points of the thing in its own frame, squeezed between thumb and fingers."""
-        amount = float(self.press.at(time)[0])
+    def deform(self, points: np.ndarray, time: float) -> np.ndarray:
+        """Deform points (n, 3) of the object, in its own frame, by the squeeze between thumb and fingers."""
+        amount = float(self.squeeze.at(time)[0])
         across = self.hold.T_obj_palm[:3, 0] * (1, 1, 0)
         across /= max(float(np.linalg.norm(across)), 1e-9)
         middle = self.hold.T_obj_palm[:3, 3] + 0.03 * self.hold.T_obj_palm[:3, 2]
@@ -67,51 +68,57 @@ class Manipulation:
 
 
 def manipulate(affordance: str, object_type: str, model: ObjectModel, rng: np.random.Generator) -> Manipulation:
-    """The thing used so by a hand."""
+    """Sample a manipulation of an object for an affordance."""
     return MANIPULATIONS[affordance](model, affordance_rule(object_type, affordance).grips, rng)
 
 
 def grasp(model: ObjectModel, names: tuple[str, ...], rng: np.random.Generator) -> Manipulation:
-    """Take hold of it, hold it, let go: it stays where it is but for a tremor."""
+    """Grasp the object, hold it in place with a tremor, and release it."""
     hold = hand_placement.grip_hold(model, names, rng)
     wander = sway(rng, 4, (9, 20))
 
     def still(s: float) -> Pose:
         move = np.sin(np.pi * s) ** 2 * wander(s * (RELEASE - TOUCH))
-        return pose(hold.stand[:3, 3] + 0.003 * move[:3] * (1, 1, 0), about((0, 0, 1), 0.05 * float(move[3])) @ hold.stand[:3, :3])
+        return pose(
+            hold.T_world_obj[:3, 3] + 0.003 * move[:3] * (1, 1, 0),
+            axis_angle((0, 0, 1), 0.05 * float(move[3])) @ hold.T_world_obj[:3, :3],
+        )
 
     return _rigid(hold, [(TOUCH + 1, RELEASE - 1, still)], rng)
 
 
 def lift(model: ObjectModel, names: tuple[str, ...], rng: np.random.Generator) -> Manipulation:
-    """Raise it, hold it up, put it back."""
+    """Lift the object, hold it up, and put it back."""
     hold = hand_placement.grip_hold(model, names, rng)
-    up = hold.stand.copy()
+    up = hold.T_world_obj.copy()
     up[:3, 3] += (*rng.uniform(-0.025, 0.025, 2), rng.uniform(0.08, 0.13))
-    up[:3, :3] = about(rng.normal(size=3), rng.uniform(0.02, 0.22)) @ up[:3, :3]
-    back = pose(hold.stand[:3, 3] + (*rng.uniform(-0.008, 0.008, 2), 0), hold.stand[:3, :3])
-    return _rigid(hold, _waypoints(hold.stand, TOUCH + 0.5, (up, 12.0), (up, 15.0), (back, RELEASE - 0.5)), rng)
+    up[:3, :3] = axis_angle(rng.normal(size=3), rng.uniform(0.02, 0.22)) @ up[:3, :3]
+    back = pose(hold.T_world_obj[:3, 3] + (*rng.uniform(-0.008, 0.008, 2), 0), hold.T_world_obj[:3, :3])
+    return _rigid(hold, _waypoints(hold.T_world_obj, TOUCH + 0.5, (up, 12.0), (up, 15.0), (back, RELEASE - 0.5)), rng)
 
 
 def push(model: ObjectModel, names: tuple[str, ...], rng: np.random.Generator) -> Manipulation:
-    """Slide it across the table with the flat hand."""
+    """Push the object across the table with the flat hand."""
     hold, ahead = hand_placement.push_hold(model, rng)
-    goal = pose(hold.stand[:3, 3] + ahead * rng.uniform(0.07, 0.12), about((0, 0, 1), rng.uniform(-0.1, 0.1)) @ hold.stand[:3, :3])
-    return _rigid(hold, _waypoints(hold.stand, TOUCH + 0.5, (goal, RELEASE - 1)), rng, start=-0.09 * ahead, turned=False)
+    goal = pose(
+        hold.T_world_obj[:3, 3] + ahead * rng.uniform(0.07, 0.12),
+        axis_angle((0, 0, 1), rng.uniform(-0.1, 0.1)) @ hold.T_world_obj[:3, :3],
+    )
+    return _rigid(hold, _waypoints(hold.T_world_obj, TOUCH + 0.5, (goal, RELEASE - 1)), rng, start=-0.09 * ahead, turned=False)
 
 
 def rotate(model: ObjectModel, names: tuple[str, ...], rng: np.random.Generator) -> Manipulation:
-    """Turn it about the vertical where it stands, the way the wrist likes better."""
+    """Rotate the object about the vertical in place."""
     hold = hand_placement.grip_hold(model, names, rng)
     angle = rng.uniform(0.75, 1.25) * rng.choice([-1.0, 1.0])
-    before = pose(hold.stand[:3, 3], about((0, 0, 1), -0.5 * angle) @ hold.stand[:3, :3])
-    after = pose(hold.stand[:3, 3], about((0, 0, 1), 0.5 * angle) @ hold.stand[:3, :3])
-    begun = Hold(hold.model, hold.side, before, hold.T_obj_palm, hold.opened, hold.closed)
+    before = pose(hold.T_world_obj[:3, 3], axis_angle((0, 0, 1), -0.5 * angle) @ hold.T_world_obj[:3, :3])
+    after = pose(hold.T_world_obj[:3, 3], axis_angle((0, 0, 1), 0.5 * angle) @ hold.T_world_obj[:3, :3])
+    begun = InitialGrasp(hold.model, hold.side, before, hold.T_obj_palm, hold.opened, hold.closed)
     return _rigid(begun, _waypoints(before, TOUCH + 0.5, (after, RELEASE - 1.5)), rng)
 
 
 def squeeze(model: ObjectModel, names: tuple[str, ...], rng: np.random.Generator) -> Manipulation:
-    """Press it twice between thumb and fingers; it gives way and comes back."""
+    """Squeeze the object twice between thumb and fingers; it yields and recovers."""
     press = Curve(np.zeros(1), [])
     for start, hard in ((5.5, 1.0), (13.0, rng.uniform(0.7, 1.0))):
         press.add(start, start + 3.0, hard)
@@ -120,21 +127,21 @@ def squeeze(model: ObjectModel, names: tuple[str, ...], rng: np.random.Generator
 
 
 def hammer(model: ObjectModel, names: tuple[str, ...], rng: np.random.Generator) -> Manipulation:
-    """Take it up, strike the block twice, put it back."""
+    """Pick up the hammer, strike the block twice, and put it back."""
     hold = hand_placement.grip_hold(model, names, rng)
-    struck = _tool_pose(hold, (-0.03, 0.125), TOP_M["hammer"] + 0.004)
+    struck = _tool_pose(hold, (-0.03, 0.125), CONTACT_HEIGHT_M["hammer"] + 0.004)
     swing = rng.uniform(0.45, 0.7)
     pivot = struck[:3, 3] - 0.16 * struck[:3, 1]
-    up = pose(pivot, about(np.cross(struck[:3, 1], (0, 0, 1.0)), swing))
+    up = pose(pivot, axis_angle(np.cross(struck[:3, 1], (0, 0, 1.0)), swing))
     raised = up @ pose(-pivot) @ struck
-    beats = ((raised, 9.0), (struck, 12.0), (raised, 15.0), (struck, 18.0), (hold.stand, RELEASE - 0.3))
-    return _rigid(hold, _waypoints(hold.stand, TOUCH + 0.5, *beats), rng)
+    beats = ((raised, 9.0), (struck, 12.0), (raised, 15.0), (struck, 18.0), (hold.T_world_obj, RELEASE - 0.3))
+    return _rigid(hold, _waypoints(hold.T_world_obj, TOUCH + 0.5, *beats), rng)
 
 
 def cut(model: ObjectModel, names: tuple[str, ...], rng: np.random.Generator) -> Manipulation:
-    """Take it up, saw into the loaf, put it back."""
+    """Pick up the knife, saw into the loaf, and put it back."""
     hold = hand_placement.grip_hold(model, names, rng)
-    deep = _tool_pose(hold, (-0.03, 0.135), TOP_M["knife"] - 0.012)
+    deep = _tool_pose(hold, (-0.03, 0.135), CONTACT_HEIGHT_M["knife"] - 0.012)
     stroke, strokes = deep[:3, 1] * rng.uniform(0.028, 0.04), rng.uniform(1.6, 2.2)
 
     def saw(s: float) -> Pose:
@@ -142,17 +149,18 @@ def cut(model: ObjectModel, names: tuple[str, ...], rng: np.random.Generator) ->
         out[:3, 3] += stroke * np.sin(2 * np.pi * strokes * s) + (0, 0, 0.03 * (1 - ease(min(1.0, 1.3 * s))))
         return out
 
-    path = [*_waypoints(hold.stand, TOUCH + 0.5, (saw(0), 8.5)), (8.5, 18.5, saw)]
-    return _rigid(hold, path + _waypoints(saw(1), 18.5, (hold.stand, RELEASE - 0.3)), rng)
+    path = [*_waypoints(hold.T_world_obj, TOUCH + 0.5, (saw(0), 8.5)), (8.5, 18.5, saw)]
+    return _rigid(hold, path + _waypoints(saw(1), 18.5, (hold.T_world_obj, RELEASE - 0.3)), rng)
 
 
 def paint(model: ObjectModel, names: tuple[str, ...], rng: np.random.Generator) -> Manipulation:
-    """Take it up, stroke the panel from side to side, put it back."""
+    """Pick up the brush, stroke the panel from side to side, and put it back."""
     hold = hand_placement.grip_hold(model, names, rng)
-    ahead = hold.stand[:3, 1]
+    ahead = hold.T_world_obj[:3, 1]
     across = np.cross(ahead, (0, 0, 1.0))
     slope = ahead * 0.75 + (0, 0, -0.65)
-    low = aimed_pose(model, slope, np.array([0, 0, 1.0]), hold.stand @ np.array([*model.tip, 1.0]), 0.06 * ahead, TOP_M["brush"])  # type: ignore[misc]
+    tip = hold.T_world_obj @ np.array([*(model.tip or (0, 0, 0)), 1.0])
+    low = aimed_pose(model, slope, np.array([0, 0, 1.0]), tip, 0.06 * ahead, CONTACT_HEIGHT_M["brush"])
     wide, strokes = across * rng.uniform(0.045, 0.06), rng.uniform(1.3, 1.8) * rng.choice([-1.0, 1.0])
 
     def brush(s: float) -> Pose:
@@ -160,15 +168,15 @@ def paint(model: ObjectModel, names: tuple[str, ...], rng: np.random.Generator) 
         out[:3, 3] += wide * np.sin(2 * np.pi * strokes * s) + ahead * 0.03 * (0.5 - s)
         return out
 
-    path = [*_waypoints(hold.stand, TOUCH + 0.5, (brush(0), 8.0)), (8.0, 18.5, brush)]
-    return _rigid(hold, path + _waypoints(brush(1), 18.5, (hold.stand, RELEASE - 0.3)), rng)
+    path = [*_waypoints(hold.T_world_obj, TOUCH + 0.5, (brush(0), 8.0)), (8.0, 18.5, brush)]
+    return _rigid(hold, path + _waypoints(brush(1), 18.5, (hold.T_world_obj, RELEASE - 0.3)), rng)
 
 
 def type_(model: ObjectModel, names: tuple[str, ...], rng: np.random.Generator) -> Manipulation:
-    """Tap on it with the forefinger, in three places."""
+    """Tap on the object with the index finger at three positions."""
     hold = hand_placement.tap_hold(model, rng)
     half = 0.5 * model.size[:2] * (0.6, 0.7)
-    downs = [hold.stand[:3, :3] @ np.array([*rng.uniform(-half, half), 0.0]) for _ in range(3)]
+    downs = [hold.T_world_obj[:3, :3] @ np.array([*rng.uniform(-half, half), 0.0]) for _ in range(3)]
     keys = [(k * 6.0 + dt, down + (0, 0, z)) for k, down in enumerate(downs) for dt, z in ((6.0, 0.0), (9.0, 0.035))]
     times, places = np.array([t for t, _ in keys]), np.array([p for _, p in keys])
 
@@ -177,7 +185,7 @@ def type_(model: ObjectModel, names: tuple[str, ...], rng: np.random.Generator) 
         s = ease((time - times[k]) / (times[k + 1] - times[k]))
         return pose((1 - s) * places[k] + s * places[k + 1]) @ hold.palm
 
-    return _with_approach(hold, Track(hold.stand, []), tapping, Curve(np.zeros(1), []), rng, None)
+    return _with_approach(hold, Track(hold.T_world_obj, []), tapping, Curve(np.zeros(1), []), rng, None)
 
 
 MANIPULATIONS: dict[str, Builder] = {"grasp": grasp, "cut": cut, "lift": lift, "push": push, "rotate": rotate, "hammer": hammer,
@@ -185,7 +193,7 @@ MANIPULATIONS: dict[str, Builder] = {"grasp": grasp, "cut": cut, "lift": lift, "
 
 
 def elbow(side: str, palm: Pose) -> np.ndarray:
-    """Where the elbow of an arm is, (3,) world metres: beside the chest, drawn along by the hand."""
+    """Return the position of an elbow (3,), world metres: beside the chest, shifted with the hand."""
     out = 1.0 if side == "right" else -1.0
     return np.array([0.30 * out, -0.44, 0.18]) + 0.35 * (palm[:3, 3] - (0.24 * out, -0.21, 0.11)) * (1, 1, 0.6)
 
@@ -193,7 +201,7 @@ def elbow(side: str, palm: Pose) -> np.ndarray:
 def aimed_pose(
     model: ObjectModel, along: np.ndarray, up: np.ndarray, tip_at: np.ndarray, shift: np.ndarray, height_m: float
 ) -> Pose:
-    """The tool with its long axis (y) along a direction, its z as near `up` as can be, its tip above `tip_at` + `shift`."""
+    """Return the pose of a tool with its long axis (y) along `along`, z close to `up`, and its tip above `tip_at` + `shift`."""
     y = along / np.linalg.norm(along)
     z = up - y * (y @ up)
     z /= np.linalg.norm(z)
@@ -202,38 +210,38 @@ def aimed_pose(
     return pose(at - turned @ np.asarray(model.tip), turned)
 
 
-def _tool_pose(hold: Hold, shift: tuple[float, float], height_m: float) -> Pose:
-    """A tool that lay on its side, turned with its edge or face (+x) down, its tip shifted (ahead, to the inside)."""
-    both = hand_placement.ahead_inside(hold)
-    place = hold.stand @ np.array([*(hold.model.tip or (0, 0, 0)), 1.0])
+def _tool_pose(hold: InitialGrasp, shift: tuple[float, float], height_m: float) -> Pose:
+    """Return the working pose of a tool: edge or face (+x) down, its tip shifted (ahead, inwards) from where the tool lay."""
+    both = hand_placement.table_axes(hold)
+    place = hold.T_world_obj @ np.array([*(hold.model.tip or (0, 0, 0)), 1.0])
     return aimed_pose(hold.model, both[:, 0], -both[:, 1], place, both @ np.array(shift), height_m)
 
 
 def _waypoints(first: Pose, start: float, *stops: tuple[Pose, float]) -> list[tuple[float, float, PoseAt]]:
-    """From a pose at a time through others."""
+    """Return motion segments from a pose through others at given times."""
     poses, times = [first, *(goal for goal, _ in stops)], [start, *(stop for _, stop in stops)]
     return [(times[k], times[k + 1], arc(poses[k], poses[k + 1], np.zeros(3))) for k in range(len(stops))]
 
 
-def _rigid(hold: Hold, segments: list[tuple[float, float, PoseAt]], rng: np.random.Generator, *, press: Curve | None = None,
+def _rigid(hold: InitialGrasp, segments: list[tuple[float, float, PoseAt]], rng: np.random.Generator, *, press: Curve | None = None,
            start: np.ndarray | None = None, turned: bool = True) -> Manipulation:  # fmt: skip
-    """The hand holds the thing and goes with it."""
-    thing = Track(hold.stand, [])
+    """Build a manipulation in which the hand follows the object rigidly."""
+    obj = Track(hold.T_world_obj, [])
     for begin, stop, path in segments:
-        thing.add(begin, stop, path)
+        obj.add(begin, stop, path)
 
     def held(time: float) -> Pose:
-        out = thing.at(time) @ hold.T_obj_palm
+        out = obj.at(time) @ hold.T_obj_palm
         if not turned:
             out[:3, :3] = hold.palm[:3, :3]
         return out
 
-    return _with_approach(hold, thing, held, press or Curve(np.zeros(1), []), rng, start)
+    return _with_approach(hold, obj, held, press or Curve(np.zeros(1), []), rng, start)
 
 
-def _with_approach(hold: Hold, thing: Track, held: Callable[[float], Pose], press: Curve, rng: np.random.Generator,
+def _with_approach(hold: InitialGrasp, obj: Track, held: Callable[[float], Pose], press: Curve, rng: np.random.Generator,
           start: np.ndarray | None) -> Manipulation:  # fmt: skip
-    """The act, with a way in and a way out."""
+    """Add approach and withdrawal to a manipulation."""
     first, last = held(TOUCH), held(RELEASE)
     body = np.array([0.22 if hold.side == "right" else -0.22, -0.55, 0.0])
     home = (body - first[:3, 3]) / np.linalg.norm(body - first[:3, 3]) * (1, 1, 0)
@@ -244,4 +252,4 @@ def _with_approach(hold: Hold, thing: Track, held: Callable[[float], Pose], pres
     left = pose(last[:3, 3] + go, last[:3, :3])
     for palm in (opened, left):
         palm[2, 3] = max(palm[2, 3], 0.055)
-    return Manipulation(hold, thing, held, press, opened, left)
+    return Manipulation(hold, obj, held, press, opened, left)

@@ -1,4 +1,4 @@
-"""Where it happens: a person at a table before a camera that stands still, as with a Kinect at the other side of the table."""
+"""Static part of an interaction: a person at a table, other objects, lighting, and a fixed camera across the table."""
 
 from __future__ import annotations
 
@@ -9,28 +9,28 @@ import numpy as np
 
 from afford.render import materials
 from afford.render.camera import look_at
-from afford.render.motion import about, pose
+from afford.render.motion import axis_angle, pose
 from afford.render.scene import BACKGROUND, Camera, Instance, Light, Material, linear
 from afford.render.solids import patch, tube
 from afford.synthetic.assets import library
 from afford.synthetic.human_hand.appearance import HandAppearance, random_person
 from afford.synthetic.human_hand.hand_model import HandModel
 from afford.synthetic.kitchens.scene_builder import CENTRE
-from afford.synthetic.tabletop.hand_placement import ahead_inside
+from afford.synthetic.tabletop.hand_placement import table_axes
 from afford.synthetic.tabletop.manipulations import Manipulation
-from afford.synthetic.tabletop.tabletop_objects import BESIDE, COMPANIONS
+from afford.synthetic.tabletop.tabletop_objects import COMPANION_OFFSET_M, COMPANIONS
 
 KINECT_FOCAL_PX, KINECT_CROP_PX = 365.0, 300
-"""The depth camera of a Kinect 2: nominal focal length on its grid; the paper's pictures are 300 px of it"""
+"""Nominal focal length of the depth camera of a Kinect 2 on its grid, and the size of the paper's crop, px."""
 VIEWS_DEG = {1: 0.0, 2: 38.0, 3: -38.0}
-"""Azimuth of the three cameras: across the table from the person, and from both sides"""
+"""Azimuth of the three cameras, degrees: across the table from the person, and from both sides."""
 CLUTTER = ("box", "jar", "carton", "bowl", "tape", "glue", "mug", "can", "plate", "stapler", "paint")
 TABLE_M = ((-0.75, 0.75), (-0.16, 0.95))
 
 
 @dataclass(frozen=True, eq=False)
 class TabletopScene:
-    """What stands still, the light, and the camera."""
+    """Static instances, lighting and camera."""
 
     still: tuple[Instance, ...]
     light: Light
@@ -38,37 +38,44 @@ class TabletopScene:
 
 
 def camera_view(subject: int) -> int:
-    """Which of the three cameras sees a person, 1 to 3."""
+    """Return the camera, 1 to 3, that views a subject."""
     return 1 + (subject - 1) % 3
 
 
 @lru_cache(maxsize=4)
 def look_of(subject: int) -> HandAppearance:
-    """Skin, sleeve and watch of a person."""
+    """Return the appearance of a subject: skin, sleeve and watch."""
     return random_person(np.random.default_rng([subject, 40]))
 
 
 @lru_cache(maxsize=8)
 def hand_of(subject: int, side: str) -> HandModel:
-    """A hand of a person."""
+    """Return the hand model of a subject."""
     return HandModel.build(side, look_of(subject))
 
 
 def build_scene(
-    act: Manipulation, object_type: str, subject: int, clutter: int, size_px: int, rng: np.random.Generator
+    manipulation: Manipulation, object_type: str, subject: int, clutter: int, size_px: int, rng: np.random.Generator
 ) -> TabletopScene:
-    """The table with what lies beside the thing, and the camera on the middle of what will happen."""
+    """Build the table with objects beside the manipulated one, and a camera on the middle of the manipulation."""
     top = _top(rng)
-    beside = BESIDE.get(object_type, (0.0, 0.0))
-    shift = ahead_inside(act.hold) @ np.array(beside)
-    middle = 0.5 * (act.thing.at(0)[:3, 3] + act.thing.end()[:3, 3] + 0.8 * shift)
-    still = [*_table(rng, top), *_torso(subject), *_companion(act, object_type, rng), *_clutter(act, middle, clutter, rng)]
+    beside = COMPANION_OFFSET_M.get(object_type, (0.0, 0.0))
+    shift = table_axes(manipulation.hold) @ np.array(beside)
+    middle = 0.5 * (manipulation.object_track.at(0)[:3, 3] + manipulation.object_track.end()[:3, 3] + 0.8 * shift)
+    still = [
+        *_table(rng, top),
+        *_torso(subject),
+        *_companion(manipulation, object_type, rng),
+        *_clutter(manipulation, middle, clutter, rng),
+    ]
     light = _light(rng, float(linear(top.image[::4, ::4]).mean()))
-    return TabletopScene(tuple(still), light, _camera(middle, float(act.hold.model.points[:, 2].max()), subject, size_px, rng))
+    return TabletopScene(
+        tuple(still), light, _camera(middle, float(manipulation.hold.model.points[:, 2].max()), subject, size_px, rng)
+    )
 
 
 def _camera(middle: np.ndarray, tall_m: float, subject: int, size_px: int, rng: np.random.Generator) -> Camera:
-    """On the middle of what will happen; farther from tall things."""
+    """Sample a camera on the middle of the manipulation, farther away for tall objects."""
     azimuth = np.radians(VIEWS_DEG[camera_view(subject)]) + rng.uniform(-0.1, 0.1)
     height, far = rng.uniform(0.88, 1.05), rng.uniform(0.51, 0.58) + 0.8 * max(0.0, tall_m - 0.12)
     out = np.array([np.sin(azimuth) * np.cos(height), np.cos(azimuth) * np.cos(height), np.sin(height)])
@@ -98,39 +105,39 @@ def _table(rng: np.random.Generator, top: Material) -> list[Instance]:
 
 
 def _torso(subject: int) -> list[Instance]:
-    """A person's chest in the cloth of the sleeves, behind the edge of the table."""
+    """Build a person's chest in the cloth of the sleeves, behind the edge of the table."""
     look = look_of(subject)
     z = np.linspace(-0.45, 0.55, 9)
     chest = tube(np.stack([0 * z, 0 * z - 0.40, z], -1), np.full(9, 0.17), 24, flat=0.62, up=(0, 1, 0), repeat=(4, 4))
     return [Instance(chest, look.cloth)]
 
 
-def _companion(act: Manipulation, object_type: str, rng: np.random.Generator) -> list[Instance]:
-    """What a tool is used on, where the tool would reach it, whether it will or not."""
+def _companion(manipulation: Manipulation, object_type: str, rng: np.random.Generator) -> list[Instance]:
+    """Place the object that a tool is used on within reach of the tool, for every affordance."""
     if object_type not in COMPANIONS:
         return []
-    stand, tip = act.hold.stand, np.asarray(act.hold.model.tip)
-    place = (stand @ np.append(tip, 1.0))[:3] + ahead_inside(act.hold) @ np.array(BESIDE[object_type])
-    turned = stand[:3, :3] @ about((0, 0, 1), rng.uniform(-0.12, 0.12))
+    stand, tip = manipulation.hold.T_world_obj, np.asarray(manipulation.hold.model.tip)
+    place = (stand @ np.append(tip, 1.0))[:3] + table_axes(manipulation.hold) @ np.array(COMPANION_OFFSET_M[object_type])
+    turned = stand[:3, :3] @ axis_angle((0, 0, 1), rng.uniform(-0.12, 0.12))
     at = pose((place[0], place[1], 0.0), turned)
     return [Instance(part.mesh, part.material, at) for part in COMPANIONS[object_type](rng)]
 
 
-def _clutter(act: Manipulation, middle: np.ndarray, most: int, rng: np.random.Generator) -> list[Instance]:
-    """Up to `most` other things, out of the way of hand and thing: at the other side, or nearer to the camera."""
+def _clutter(manipulation: Manipulation, middle: np.ndarray, most: int, rng: np.random.Generator) -> list[Instance]:
+    """Place up to `most` other objects clear of hand and object: at the other side, or nearer to the camera."""
     out: list[Instance] = []
-    flip = 1.0 if act.hold.side == "right" else -1.0
+    flip = 1.0 if manipulation.hold.side == "right" else -1.0
     for k in range(int(rng.integers(0, most + 1))):
         angle = np.radians((rng.uniform(115, 165), rng.uniform(35, 80), rng.uniform(185, 205))[k % 3])
         reach = rng.uniform(0.21, 0.27)
         x, y = middle[0] + flip * reach * np.cos(angle), middle[1] + reach * np.sin(angle)
         model = library.build(CLUTTER[int(rng.integers(len(CLUTTER)))], rng)
-        out += model.instances(pose((x, y, 0.0), about((0, 0, 1), rng.uniform(-3, 3))), BACKGROUND)
+        out += model.instances(pose((x, y, 0.0), axis_angle((0, 0, 1), rng.uniform(-3, 3))), BACKGROUND)
     return out
 
 
 def _light(rng: np.random.Generator, brightness: float) -> Light:
-    """A lamp or window from one side and much light from the ceiling; the camera exposes for the table."""
+    """Sample a lamp or window from one side and strong ceiling light; the camera exposes for the table."""
     warm = rng.uniform(0, 1)
     key = np.array([1.0, 0.90 + 0.06 * (1 - warm), 0.78 + 0.22 * (1 - warm)]) * rng.uniform(0.55, 0.85)
     fill = np.array([0.90 + 0.08 * warm, 0.95, 1.0]) * rng.uniform(0.85, 1.0)

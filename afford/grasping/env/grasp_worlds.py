@@ -1,0 +1,258 @@
+"""n grasping worlds that are stepped at once: physics, episodes, rewards. The gymnasium environments (env.py) wrap them.
+
+Control runs at 20 steps per second, or 60 with action_mode=paper. An episode is terminated when the object is out of reach and
+truncated after `steps`. All randomness of an episode comes from the generator that its reset is given; differences between worlds
+come from `seed`.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from afford.grasping.env import actions
+from afford.grasping.env.config import GraspEnvConfig
+from afford.grasping.env.measures import EpisodeLog, Measures, measure
+from afford.grasping.env.obs_blocks import Snapshot, obs_blocks, observe
+from afford.grasping.env.reward import reward_weights, rewards
+from afford.grasping.env.scenery import EpisodeFrame, build_scenery
+from afford.grasping.env.step_result import StepResult
+from afford.grasping.env.task import Task, placed_pose
+from afford.grasping.hand.kinematics import command_limits, commanded_columns
+from afford.grasping.sim.engine import CONTROL_S, State
+from afford.grasping.sim.rest_poses import dropped_rest_poses, placed_rest_pose
+from afford.grasping.sim.scene import Scene, Sensing, centre, hold_command, randomize_physics, sensing
+from afford.grasping.sim.scripted import Aim, aim_along_axis, aim_at_part
+from afford.grasping.sim.worlds import world_batch
+from schemas.hand import HandModel
+
+LOST_M = 0.5
+"""the object is out of reach when it has moved this far along the table"""
+PUSH_S, PUSH_RAISED_M, PUSH_CHANCE = 0.05, 0.03, 0.25
+"""duration of a push; height of the object from which it is pushed; chance that a twentieth of a second begins with a push"""
+DROPS = 8
+"""resting poses of each dropped object"""
+
+
+class GraspWorlds:
+    """n worlds, each with its own task."""
+
+    def __init__(self, hand: HandModel, tasks: Sequence[Task], config: GraspEnvConfig) -> None:
+        """Build the worlds. ValueError for an unknown layout, role, reward or engine."""
+        self.config, self.tasks = config, tuple(tasks)
+        self.blocks, self.weights = obs_blocks(config.layout, config.role), reward_weights(config.reward, config.weights)
+        self.scenes = [_scene(hand, one, config, k) for k, one in enumerate(self.tasks)]
+        self.sensing = [_sensing(config, k) for k in range(len(self.tasks))]
+        self.scenery = build_scenery(hand, self.tasks)
+        self.worlds = world_batch(config.engine, self.scenes, config.threads, config.processes, config.device)
+        self._of_motor = commanded_columns(hand.joints)
+        self._limits = command_limits(hand.joints)
+        self.rates = (actions.wrench_table(self._limits) if config.action_mode == "paper"
+                      else actions.rate_table(actions.RATES[config.base], len(self._limits)))  # fmt: skip
+        self._resting: dict[Any, list[np.ndarray]] = {}
+        self._now = _EpisodeState(len(self.tasks), config.steps, len(self._limits), max(one.latency_steps for one in self.sensing))
+        self._state: State | None = None
+        self._measured: Measures | None = None
+
+    @property
+    def motors(self) -> int:
+        """Width of an action."""
+        return len(self._limits)
+
+    @property
+    def width(self) -> int:
+        """Width of an observation."""
+        return sum(block.width for block in self.blocks)
+
+    def reset(self, which: Sequence[int], rngs: Sequence[np.random.Generator]) -> None:
+        """Begin episodes in worlds `which`, with the generators of all worlds."""
+        poses, aims = list[np.ndarray](), list[Aim]()
+        for k in which:
+            poses.append(self._object_pose(k, rngs[k]))
+            aims.append(self._aim(k, poses[-1], rngs[k]))
+        self._begin(which, poses, aims)
+
+    def begin(self, k: int, pose: np.ndarray, aim: Aim, posture: Sequence[float]) -> None:
+        """Begin an episode of world k: the object at a pose (7,), the hand over an aim in a posture (m,) (actions.py)."""
+        self._begin([k], [pose], [aim], posture)
+
+    def step(self, action: np.ndarray, rngs: Sequence[np.random.Generator]) -> StepResult:
+        """Apply actions (n, m) for one control step. Worlds whose episode has ended continue until their reset.
+
+        ValueError for actions of another shape, or that are not finite.
+        """
+        now, rows = self._now, np.arange(len(self.tasks))
+        action = actions.checked(action, (len(rows), self.motors))
+        at = now.step.clip(max=self.config.steps - 1)
+        u, now.offset = self._command(action, now.base[rows, at])
+        now.sent = np.concatenate([u[:, None], now.sent[:, :-1]], axis=1)
+        now.action = action.clip(-1, 1)
+        self._push(rngs)
+        latency = [one.latency_steps for one in self.sensing]
+        self._state = self.worlds.step(now.sent[rows, latency], self.config.control_s)
+        measured = self._measured = measure(self.scenery, now.episode, self._state, now.action)
+        now.log.record(measured, at)
+        now.step = now.step + 1
+        terms = rewards(self.weights, measured)
+        lost = measured.away_m > LOST_M
+        late = (now.step >= self.config.steps) & ~lost
+        return StepResult(np.sum(list(terms.values()), axis=0), lost, late, terms, now.log.success.copy())
+
+    def observe(self) -> np.ndarray:
+        """(n, width) float32 observations of the current state."""
+        return observe(self.blocks, self.snapshot())
+
+    def snapshot(self) -> Snapshot:
+        """Current state of all worlds, from which observation blocks are computed."""
+        now, state = self._now, self.state()
+        lag = (now.sent[:, 0] - state.q[:, self._of_motor]) / self.rates[:, 0]
+        return Snapshot(self.scenery, now.episode, state, self.measures(), now.action, now.offset / self.rates[:, 0], lag,
+                        now.step / self.config.steps)  # fmt: skip
+
+    def measures(self) -> Measures:
+        """Current distances, forces and depths, which rewards are computed from."""
+        if self._measured is None:
+            self._measured = measure(self.scenery, self._now.episode, self.state(), self._now.action)
+        return self._measured
+
+    def report(self) -> dict[str, np.ndarray]:
+        """(n,) figures of episodes that end now (measures.METRICS)."""
+        return self._now.log.report(self.measures())
+
+    def state(self) -> State:
+        """State of all worlds. RuntimeError before the first reset."""
+        if self._state is None:
+            raise RuntimeError("GraspWorlds: no episode is running; call reset() first")
+        return self._state
+
+    def goal(self) -> np.ndarray:
+        """(n, 3) goal of the objects' centres of mass, world frame."""
+        return self._now.episode.goal.copy()
+
+    def depths(self) -> np.ndarray:
+        """(n, steps) m, deepest contact after each step; NaN where hand and object do not touch."""
+        return self._now.log.depth_m.copy()
+
+    def steps_done(self) -> np.ndarray:
+        """(n,) steps of each episode so far."""
+        return self._now.step.copy()
+
+    @property
+    def aims(self) -> list[Aim]:
+        """Aim of each world: the place over which the hand began, and where its base goes."""
+        return list(self._now.aim)
+
+    @property
+    def sent(self) -> np.ndarray:
+        """(n, m) targets that the motors were sent last."""
+        return self._now.sent[:, 0]
+
+    @property
+    def episode(self) -> EpisodeFrame:
+        """Frames and goals of the episodes."""
+        return self._now.episode
+
+    def script(self) -> np.ndarray:
+        """(n, steps, m) targets of the scripted grasp, for the objects as they lay at their reset."""
+        return np.stack([actions.scripted(scene, aim, self.config.steps, self.config.lift_m, self.config.wait)
+                         for scene, aim in zip(self.scenes, self._now.aim, strict=True)])  # fmt: skip
+
+    def towards(self, u: np.ndarray) -> np.ndarray:
+        """(n, m) action that moves the targets as far towards targets (n, m) as one step allows."""
+        return actions.towards(self.rates, self._now.sent[:, 0], u, self._now.episode.yaw)
+
+    def save(self) -> Any:
+        """Snapshot of the state that the next step depends on, without the caller's generators."""
+        return self.worlds.save(), copy.deepcopy(self._now)
+
+    def restore(self, token: Any) -> None:
+        """Return to a snapshot."""
+        self._state, self._now = self.worlds.restore(token[0]), copy.deepcopy(token[1])
+        self._measured = None
+
+    def close(self) -> None:
+        """Release the engine; a second call does nothing."""
+        self.worlds.close()
+
+    def _command(self, action: np.ndarray, base: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(n, m) commands of actions (n, m) over the targets of the base (n, m), and the offsets by actions."""
+        now = self._now
+        if self.config.action_mode == "paper":
+            u = actions.wrench_command(action, self.state().q[:, :6], now.episode.yaw, self._limits)
+            return u, action.clip(-1, 1) * self.rates[:, 0]
+        return actions.rate_command(base, actions.moved(self.rates, now.offset, action), now.episode.yaw, self._limits)
+
+    def _begin(self, which: Sequence[int], poses: Sequence[np.ndarray], aims: Sequence[Aim],
+               posture: Sequence[float] = ()) -> None:  # fmt: skip
+        config, posture = self.config, posture or self.config.posture
+        q = [actions.initial_joints(self.scenes[k], aim, posture) for k, aim in zip(which, aims, strict=True)]
+        for k, pose, aim, joints in zip(which, poses, aims, q, strict=True):
+            scene = self.scenes[k]
+            base = actions.base_targets(config.base, scene, aim, config.steps, config.lift_m, posture, config.wait)
+            self._now.begin(k, aim, centre(scene.body, pose), config.lift_m, hold_command(scene, joints), base)
+        if q:
+            self.worlds.reset(np.stack(q), np.stack(poses), which)
+        self._state, self._measured = self.worlds.state(), None
+
+    def _aim(self, k: int, pose: np.ndarray, rng: np.random.Generator) -> Aim:
+        """Aim of world k, over which the hand begins and to which its base goes."""
+        if self.config.start == "part":
+            return aim_at_part(self.scenes[k], pose, self.tasks[k].hold)
+        return aim_along_axis(self.scenes[k], pose, rng.uniform(-self.config.start_m, self.config.start_m))
+
+    def _object_pose(self, k: int, rng: np.random.Generator) -> np.ndarray:
+        """(7,) pose of the object of world k at the start of an episode."""
+        scene = self.scenes[k]
+        key = (id(scene.body), scene.physics) if self.config.poses == "flat" else k  # flat poses are equal in equal worlds
+        if key not in self._resting:
+            self._resting[key] = self._resting_poses(k)
+        lying = self._resting[key][rng.integers(len(self._resting[key]))]
+        xy, yaw = rng.uniform(-self.config.xy_m, self.config.xy_m, 2), rng.uniform(-np.pi, np.pi)
+        return placed_pose(self.tasks[k].body, lying, xy, yaw)
+
+    def _resting_poses(self, k: int) -> list[np.ndarray]:
+        world, scene = self.worlds.single_world(k), self.scenes[k]
+        if self.config.poses == "flat":
+            return [placed_rest_pose(world, scene)]
+        return dropped_rest_poses(world, scene, int(np.random.default_rng([self.config.seed, k]).integers(2**31)), DROPS)
+
+    def _push(self, rngs: Sequence[np.random.Generator]) -> None:
+        """Push raised objects at random."""
+        if not self.config.push_n:
+            return
+        raised = self.scenery.centre(self.state())[:, 2] - self._now.episode.origin[:, 2] > PUSH_RAISED_M
+        for k in np.flatnonzero(raised).tolist():
+            if rngs[k].random() < PUSH_CHANCE * self.config.control_s / CONTROL_S:
+                direction = rngs[k].normal(size=3)
+                self.worlds.push(self.config.push_n * direction[None] / np.linalg.norm(direction), PUSH_S, [k])
+
+
+class _EpisodeState:
+    """Progress of the running episodes, arrays of (n, ...). `copy.deepcopy` makes an independent copy."""
+
+    def __init__(self, n: int, steps: int, motors: int, latency: int) -> None:
+        self.step = np.zeros(n, int)
+        self.aim = [Aim(np.zeros(3), 0.0)] * n
+        self.episode = EpisodeFrame(np.zeros((n, 3)), np.zeros(n), np.zeros((n, 3)))
+        self.base, self.sent = np.zeros((n, steps, motors)), np.zeros((n, 1 + latency, motors))
+        self.offset, self.action = np.zeros((n, motors)), np.zeros((n, motors))
+        self.log = EpisodeLog(n, steps)
+
+    def begin(self, k: int, aim: Aim, origin: np.ndarray, lift_m: float, u: np.ndarray, base: np.ndarray) -> None:
+        """Start an episode of world k."""
+        self.step[k], self.aim[k], self.sent[k], self.base[k] = 0, aim, u, base
+        self.offset[k] = self.action[k] = 0.0
+        self.episode.origin[k], self.episode.yaw[k], self.episode.goal[k] = origin, aim.yaw, origin + (0, 0, lift_m)
+        self.log.clear(np.array([k]))
+
+
+def _scene(hand: HandModel, task: Task, config: GraspEnvConfig, k: int) -> Scene:
+    scene = Scene(hand, task.body, config.physics, "wrench" if config.action_mode == "paper" else "servo")
+    return randomize_physics(scene, config.seed + k) if config.randomise else scene
+
+
+def _sensing(config: GraspEnvConfig, k: int) -> Sensing:
+    return sensing(config.seed + k) if config.randomise else Sensing()

@@ -1,0 +1,204 @@
+"""Train the prior by DAgger (Ross et al. 2011) from an expert that follows reference clips, then by PPO for imitation rewards.
+
+An update plays one episode in every world, and all randomness in it is a function of its number. A training that was killed
+therefore resumes to the same weights, bit for bit.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from afford.grasping.env.gym_env import PPOEnvAdapter, VectorEnv, mean_report
+from afford.grasping.imitation.grasp_imitation_env import GraspImitationWorlds
+from afford.grasping.rl import policy_files, ppo
+from afford.grasping.rl.ppo import ActorCritic, PolicyConfig
+from afford.training.curves import Point
+from afford.training.loop import derive_seed
+from afford.training.state import (
+    load_checkpoint,
+    optimizer_state,
+    restore_optimizer,
+    restore_weights,
+    save_checkpoint,
+    trained_weights,
+)
+
+FILE = "checkpoint.safetensors"
+SAVE_EVERY = 20
+"""updates between two checkpoints"""
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True)
+class PriorTrainingConfig:
+    """Hyperparameters of the prior's training."""
+
+    seed: int
+    cloning: int
+    """updates of DAgger"""
+    alone: int
+    """update from which the policy acts in all worlds; before, the expert acts in a falling share of them"""
+    memory: int
+    """episodes of every world in the replay buffer"""
+    passes: int
+    """passes over the buffer in an update"""
+    batch: int
+    """rows of a minibatch"""
+    lr: float
+    """learning rate of Adam in DAgger; it falls to a tenth"""
+    nudged: float
+    """share of episodes in which the hand is moved along the object on its way down"""
+    noise: float
+    """standard deviation of the noise that is added to actions"""
+    critic: int
+    """first updates of PPO, in which only the critic learns"""
+    ppo: ppo.PPOConfig
+
+
+@dataclass
+class PriorTraining:
+    """State of a training, which a checkpoint keeps."""
+
+    model: ActorCritic
+    optimizer: torch.optim.Adam
+    obs: Tensor
+    """(k, d) observations in the replay buffer, oldest first"""
+    label: Tensor
+    """(k, a) actions of the expert"""
+    points: list[Point]
+    update: int = 0
+
+    def log(self, prefix: str, scalars: dict[str, float]) -> None:
+        """Append scalars of this update to the curves."""
+        self.points += [Point(self.update, f"{prefix}.{name.replace('/', '_')}", float(value)) for name, value in scalars.items()]
+
+    def save(self, folder: Path) -> None:
+        """Write a checkpoint."""
+        parts = {"now": trained_weights(self.model), "moments": optimizer_state(self.optimizer),
+                 "memory": {"obs": self.obs, "label": self.label}}  # fmt: skip
+        tensors = {f"{part}/{name}": tensor for part, found in parts.items() for name, tensor in found.items()}
+        save_checkpoint(folder / FILE, tensors, {"update": self.update, "points": self.points})
+
+
+def new_prior(core: GraspImitationWorlds, hidden: tuple[int, ...], std: float, seed: int) -> ActorCritic:
+    """Create an untrained prior; its weights are a function of the seed."""
+    torch.manual_seed(derive_seed(seed))
+    return ActorCritic(PolicyConfig(core.width, core.motors, hidden, std=std))
+
+
+def train_prior(core: GraspImitationWorlds, model: ActorCritic, config: PriorTrainingConfig, folder: Path,
+                progress: Progress) -> list[Point]:  # fmt: skip
+    """Train `model` in place; its curves. `folder` holds the checkpoint."""
+    state = _resume(model, config, folder)
+    total = config.cloning + config.ppo.updates
+    envs = PPOEnvAdapter(VectorEnv(core, len(core.grasping.tasks)), 0)
+    while state.update < total:
+        torch.manual_seed(derive_seed(config.seed, state.update))
+        if state.update < config.cloning:
+            _dagger_update(core, state, config)
+        else:
+            _ppo_update(envs, state, config)
+        state.update += 1
+        if state.update == total or state.update % SAVE_EVERY == 0:
+            state.save(folder)
+        progress(state.update, total)
+    return state.points
+
+
+def export_prior(root: Path, model: ActorCritic, facts: Mapping[str, Any]) -> Path:
+    """Write the prior and its facts into the new folder `root`."""
+    shutil.rmtree(root, ignore_errors=True)
+    policy_files.write_policy(root, model, facts)
+    return root
+
+
+def _resume(model: ActorCritic, config: PriorTrainingConfig, folder: Path) -> PriorTraining:
+    obs, label = torch.zeros(0, model.config.observation), torch.zeros(0, model.config.action)
+    state = PriorTraining(model, ppo.make_optimizer(model, config.lr), obs, label, [])
+    if not (folder / FILE).exists():
+        return state
+    tensors, words = load_checkpoint(folder / FILE)
+    parts: dict[str, dict[str, Tensor]] = {"now": {}, "moments": {}, "memory": {}}
+    for name, tensor in tensors.items():
+        part, _, key = name.partition("/")
+        parts[part][key] = tensor
+    restore_weights(model, parts["now"])
+    restore_optimizer(state.optimizer, parts["moments"])
+    state.obs, state.label = parts["memory"]["obs"], parts["memory"]["label"]
+    state.update, state.points = words["update"], [Point(*point) for point in words["points"]]
+    return state
+
+
+def _dagger_update(core: GraspImitationWorlds, state: PriorTraining, config: PriorTrainingConfig) -> None:
+    """Play one episode in every world, then fit the expert's actions in several passes over the replay buffer."""
+    obs, label, metrics = _collect_episodes(core, state.model, config, state.update)
+    state.model.seen.update(obs)
+    keep = config.memory * len(obs)
+    state.obs, state.label = torch.cat([state.obs, obs])[-keep:], torch.cat([state.label, label])[-keep:]
+    for group in state.optimizer.param_groups:
+        group["lr"] = config.lr * (1 - 0.9 * state.update / config.cloning)
+    losses = list[float]()
+    state.model.train()
+    for _ in range(config.passes):
+        for rows in torch.randperm(len(state.obs)).split(config.batch):
+            loss = nn.functional.mse_loss(state.model.actions(state.obs[rows]).mean, state.label[rows])
+            state.optimizer.zero_grad()
+            loss.backward()
+            state.optimizer.step()
+            losses.append(loss.item())
+    state.log("clone", {**metrics, "loss": float(np.mean(losses))})
+
+
+@torch.no_grad()
+def _collect_episodes(core: GraspImitationWorlds, model: ActorCritic, config: PriorTrainingConfig,
+                      update: int) -> tuple[Tensor, Tensor, dict[str, float]]:  # fmt: skip
+    """Observations (t n, d), actions of the expert (t n, a), and mean figures of the worlds in which the policy acted."""
+    n, steps = len(core.grasping.tasks), core.config.steps
+    rng = np.random.default_rng([config.seed, update])
+    rngs = [np.random.default_rng([config.seed, update, k]) for k in range(n)]
+    core.reset(range(n), rngs)
+    model.eval()
+    expert_acts = rng.random(n) < 1 - update / max(config.alone, 1)
+    nudges = _nudges(config, n, steps, rng)
+    rows = list[tuple[Tensor, Tensor]]()
+    for step in range(steps):
+        obs, expert = torch.from_numpy(core.observe()), core.expert()
+        own = model.actions(obs).mean.numpy()
+        action = np.where(expert_acts[:, None], expert, own) + config.noise * rng.normal(size=expert.shape)
+        action[:, 0] += nudges[step]
+        core.step(action, rngs)
+        rows.append((obs, torch.from_numpy(expert.astype(np.float32))))
+    all_obs, label = (torch.stack(column).flatten(0, 1) for column in zip(*rows, strict=True))
+    return all_obs, label, mean_report(core.report(), ~expert_acts)
+
+
+def _nudges(config: PriorTrainingConfig, n: int, steps: int, rng: np.random.Generator) -> np.ndarray:
+    """(t, n) actions along the object while the hand descends, as a teacher makes them that wants to grasp elsewhere."""
+    first, last = rng.integers(0, 8, n), rng.integers(1, 8, n)
+    at = np.arange(steps)[:, None]
+    size = rng.uniform(-1, 1, n) * (rng.random(n) < config.nudged)
+    found: np.ndarray = size * ((at >= first) & (at < first + last))
+    return found
+
+
+def _ppo_update(envs: PPOEnvAdapter, state: PriorTraining, config: PriorTrainingConfig) -> None:
+    """Collect one rollout of PPO, which is one episode of every world, and update."""
+    number = state.update - config.cloning
+    envs.seed = derive_seed(config.seed, state.update, 1) % 2**31
+    actor = (*state.model.actor.parameters(), state.model.log_std)
+    for parameter in actor:
+        parameter.requires_grad_(number >= config.critic)
+    for group in state.optimizer.param_groups:
+        group["lr"] = config.ppo.lr * (1 - number / config.ppo.updates)
+    rollout, _ = ppo.collect_rollout(envs, state.model, envs.reset(), config.ppo)
+    state.log("ppo", rollout.metrics | ppo.update(state.model, state.optimizer, rollout, config.ppo))
+    for parameter in actor:
+        parameter.requires_grad_(True)

@@ -1,0 +1,122 @@
+"""Train a student by DAgger from a teacher (distillation).
+
+Rounds begin with new episodes and random states that are functions of their number (dagger.py). A checkpoint, every SECTION
+rounds, therefore keeps weights, optimizer, curves and the replay buffer, and a training that was killed resumes to the same
+weights, bit for bit. The buffer is written first, under the number of the round, and deleted when a newer checkpoint is complete.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from afford.common.files import empty_folder
+from afford.grasping.env.grasp_worlds import GraspWorlds
+from afford.grasping.env.rollout import Actor
+from afford.grasping.policies.student import StudentObserver, StudentSensors, write_student
+from afford.grasping.policies.student_obs import StudentObs
+from afford.grasping.rl import dagger
+from afford.grasping.rl.cloud_policy import CloudConfig, CloudPolicy, paper_config
+from afford.grasping.rl.ppo import make_optimizer
+from afford.training import curves
+from afford.training.loop import derive_seed
+from afford.training.state import TrainingState, load_checkpoint, resume, save_checkpoint
+
+SECTION = 5
+"""rounds between two checkpoints"""
+
+
+class DistillationEnv:
+    """n grasping worlds with a teacher: an environment of DAgger (dagger.DaggerEnv). Actions are in the frame of the start."""
+
+    def __init__(self, core: GraspWorlds, teacher: Actor, sensors: StudentSensors, seed: int) -> None:
+        self.core, self.teacher, self.seed, self.steps = core, teacher, seed, core.config.steps
+        self.observer = StudentObserver(core, sensors)
+        self._rngs: list[np.random.Generator] = []
+
+    def begin(self, round_: int) -> StudentObs:
+        """Reset all worlds; episodes are functions of the seed, the round and the world."""
+        n = len(self.core.tasks)
+        self._rngs = [np.random.default_rng([self.seed, round_, k]) for k in range(n)]
+        self.core.reset(range(n), self._rngs)
+        self.observer.reseed(int(np.random.default_rng([self.seed, round_]).integers(2**62)))
+        return self.observer.observe()
+
+    def label(self) -> np.ndarray:
+        """(n, m) actions of the teacher."""
+        return self.observer.to_start_frame(self.teacher.act(self.core))
+
+    def step(self, action: np.ndarray) -> StudentObs:
+        """Apply the actions (n, m)."""
+        self.core.step(self.observer.from_start_frame(action), self._rngs)
+        return self.observer.observe()
+
+    def report(self) -> dict[str, np.ndarray]:
+        """(n,) figures of the episodes that end now."""
+        return self.core.report()
+
+
+def train_student(envs: DistillationEnv, size: str, config: dagger.DaggerConfig, folder: Path,
+                  progress: Callable[[int, int], None]) -> tuple[CloudPolicy, TrainingState]:  # fmt: skip
+    """Train a student; the network and its curves. `folder` holds checkpoint.safetensors, the replay buffer and tensorboard/."""
+    model = new_student(size, envs.begin(0).robot.shape[1], envs.core.motors, config.seed)
+    optimizer = make_optimizer(model, config.lr)
+    state = resume(folder, model, optimizer, "cpu")
+    buffer = _load_buffer(folder, config.buffer, state.step)
+
+    def on_round(number: int, scalars: dict[str, float]) -> None:
+        state.step = number + 1
+        state.log("train", scalars)
+        if state.step % SECTION == 0 or state.step == config.rounds:
+            _save(folder, state, model, optimizer, buffer)
+        progress(state.step, config.rounds)
+
+    dagger.train(envs, model, config, optimizer, buffer, state.step, on_round)
+    state.best_step = state.step
+    return model.eval(), state
+
+
+def new_student(size: str, robot: int, action: int, seed: int) -> CloudPolicy:
+    """Create an untrained student. ValueError for an unknown size."""
+    sizes: Mapping[str, Callable[[int, int], CloudConfig]] = {"small": CloudConfig, "paper": paper_config}
+    if size not in sizes:
+        raise ValueError(f"size: expected {' or '.join(sizes)}, got {size!r}")
+    torch.manual_seed(derive_seed(seed))
+    return CloudPolicy(sizes[size](robot, action))
+
+
+def export_student(folder: Path, model: CloudPolicy, sensors: StudentSensors, facts: Mapping[str, Any]) -> Path:
+    """Write the student and its TensorBoard curves into folder/out."""
+    root = empty_folder(folder / "out")
+    write_student(root, model, sensors, facts)
+    if (folder / "tensorboard").exists():
+        shutil.copytree(folder / "tensorboard", root / "tensorboard")
+    return root
+
+
+def _save(folder: Path, state: TrainingState, model: CloudPolicy, optimizer: torch.optim.Optimizer,
+          buffer: dagger.ReplayBuffer) -> None:  # fmt: skip
+    tensors = {str(k): torch.from_numpy(column) for k, column in enumerate(buffer.columns)}
+    save_checkpoint(_buffer_file(folder, state.step), tensors, {"count": buffer.count})
+    curves.write_events(folder / "tensorboard", state.points)
+    state.save(folder, model, optimizer)
+    for old in folder.glob("moments-*.safetensors"):
+        if old != _buffer_file(folder, state.step):
+            old.unlink()
+
+
+def _load_buffer(folder: Path, size: int, step: int) -> dagger.ReplayBuffer:
+    buffer = dagger.ReplayBuffer(size)
+    if step:
+        tensors, words = load_checkpoint(_buffer_file(folder, step))
+        buffer.columns, buffer.count = [tensors[str(k)].numpy() for k in range(len(tensors))], words["count"]
+    return buffer
+
+
+def _buffer_file(folder: Path, step: int) -> Path:
+    return folder / f"moments-{step}.safetensors"

@@ -1,1 +1,0 @@
-"""Prediction on RGB-D video and pictures of a user."""
