@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from afford.models.sam import Grid, everything, grid_points, load_model
+from afford.models.sam import Grid, grid_points, load_model
 from afford.surface.proposals import Sam
 from afford.surface.proposals.nms import collect_candidates, nms
+from afford.twohands.model.backbones import everything
 from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.surface import PartCandidates
 
