@@ -85,11 +85,13 @@ def test_the_vocabulary_is_that_of_the_training_split(dataset: FileTree, trained
 def test_curves_agree_in_log_table_and_events(trained: Trained) -> None:
     """Equal values at equal steps in the log, the table and the event file."""
     table = pq.read_table(trained.files.find("history.parquet").path).to_pylist()
-    logged = [(step, curve.name, value) for curve in trained.log.curves for step, value in zip(curve.step, curve.value, strict=True)]
+    logged = [(step, curve.name, value) for curve in trained.log.curves
+              for step, value in zip(curve.step, curve.value, strict=True)]
     assert [(row["step"], row["name"], row["value"]) for row in table] == logged
     assert {"train.total", "train.lr", "val.iou", "val.threshold"} <= {name for _, name, _ in logged}
     found = read_events(trained.files.find(f"tensorboard/{curves.EVENTS_FILE}").path.read_bytes())
-    assert sorted(found) == sorted((step, name.replace(".", "/", 1), pytest.approx(value, rel=1e-6)) for step, name, value in logged)
+    wanted = sorted((step, name.replace(".", "/", 1), pytest.approx(value, rel=1e-6)) for step, name, value in logged)
+    assert sorted(found) == wanted
 
 
 def test_the_card_names_licence_data_and_figures(dataset: FileTree, trained: Trained) -> None:

@@ -86,7 +86,7 @@ def test_what_cannot_be_read_is_named(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"train.parquet: expected the columns .* found no mask_left, mask_right"):
         list(data.read_items(data.files_below(tmp_path), "train"))
     good = {"bytes": b"no picture", "path": ""}
-    with pytest.raises(ValueError, match="open jar: expected image to be a JPEG or PNG, got 10 bytes that are none"):
+    with pytest.raises(ValueError, match="open jar: expected image to be a JPEG or PNG, got 10 other bytes"):
         data.item_of_row({"narration": "open jar", "image": good, "mask_left": good, "mask_right": good})
     with pytest.raises(ValueError, match="P1: expected image with the bytes of a picture"):
         data.item_of_row({"sample_id": "P1", "narration": "open jar", "image": {"bytes": None, "path": "a.jpg"}})

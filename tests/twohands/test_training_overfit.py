@@ -47,7 +47,7 @@ def sample(n: int) -> Item:
 @pytest.mark.slow
 @pytest.mark.parametrize("hypotheses", [1, 3])
 def test_the_training_loop_overfits_eight_samples(hypotheses: int, tmp_path: Path) -> None:
-    """IoU above 0.95 of the top-ranked regions and every taxonomy right, after 250 steps. test_small_model.py has the small case."""
+    """IoU above 0.95 of the top-ranked regions and every taxonomy right, after 250 steps (small case: test_small_model.py)."""
     samples, boxes = [sample(n) for n in range(8)], InputSize(SIZE)
     config = ModelConfig(size_px=SIZE, widths=(16, 32, 64), text_buckets=512, hypotheses=hypotheses)
     batches = Batches(samples, BalancedSampler([0] * 8, 0, 0), AS_IT_IS, boxes, 8, 0)
