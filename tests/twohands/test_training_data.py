@@ -172,8 +172,8 @@ def test_coarse_batches_come_first_and_lose_no_sample(packed: data.Files) -> Non
     assert np.array_equal(coarse(1).centre, np.concatenate([batch.centre for batch in wanted[2:4]]))
     areas = [coarse(0).masks.mean((2, 3)), np.concatenate([batch.masks.mean((2, 3)) for batch in wanted[:2]])]
     assert np.allclose(*areas, atol=0.01)
-    with pytest.raises(ValueError, match="expected multiples of 32 when some steps come at half the size"):
-        replace(coarse, boxes=InputSize((48, 96)))(0)
+    with pytest.raises(ValueError, match="expected multiples of 32 when some steps are at half the size"):
+        replace(coarse, input_size=InputSize((48, 96)))(0)
 
 
 def test_views_are_seeded_and_keep_picture_and_masks_together(packed: data.Files) -> None:

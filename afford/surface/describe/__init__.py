@@ -49,7 +49,7 @@ class Describer(Protocol[Own]):
         """Describe the parts of an object for a task.
 
         `mesh.category` is '' where it is not known, `views` are renderings of the object, and `task` is '' for any use. The result
-        has category 'unknown' and no notes for an object that the backend does not know. ValueError, one sentence, without a model or
-        a server, or when an answer does not fit the form.
+        has category 'unknown' and no notes for an object that the backend does not know. ValueError, one sentence, without a model
+        or a server, or when an answer does not fit the form.
         """
         ...

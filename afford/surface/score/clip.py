@@ -34,7 +34,8 @@ def score(mesh: ObjectMesh, views: ObjectViews, candidates: PartCandidates, desc
     if not all(count):
         return PartScores(mesh.name, np.zeros(count, np.float32), np.zeros(count, np.float32))
     folder = _folder(params.model)
-    model, tokens = load_pretrained(CLIPModel, str(folder), "clip", params.device, params.dtype), read_tokens(folder / "tokenizer.json")
+    model = load_pretrained(CLIPModel, str(folder), "clip", params.device, params.dtype)
+    tokens = read_tokens(folder / "tokenizer.json")
     with torch.inference_mode():
         texts = [f"a photo of a {note.phrase.partition(',')[0].removeprefix('the ')}" for note in descriptions.notes]
         ids, keep = (one.to(model.device) for one in tokenize_batch(tokens, model.config.text_config, texts))
