@@ -1,4 +1,4 @@
-"""SAM 2 as a backend of two stages: one source through the whole pipeline, and what becomes of it when the weights change."""
+"""SAM 2 as a backend of two stages: propagation, weights, and one source through the whole pipeline."""
 
 from __future__ import annotations
 
@@ -42,10 +42,9 @@ def dataset(mine: Made, densify: Path, complete: Path | None = None) -> Called:
     return done
 
 
-def test_one_source_goes_through_the_whole_pipeline(made: Made, model: Path, tmp_path: Path) -> None:
-    """Shapes and types hold; nothing is made twice; a byte of a model reruns the stages that read it and what follows; where a
-    model lies does not matter; a model in the store's words is no path.
-    """
+@pytest.mark.slow
+def test_pipeline_with_sam2(made: Made, model: Path, tmp_path: Path) -> None:
+    """Outputs are valid and cached; a changed byte of a model reruns its stages and their consumers; its path does not matter."""
     mine = made.copy(tmp_path)
     first, second = (Path(shutil.copytree(model, tmp_path / name / "tiny")) for name in ("one", "two"))
     ran = dataset(mine, first, second).json["ran"]
@@ -64,7 +63,7 @@ def test_one_source_goes_through_the_whole_pipeline(made: Made, model: Path, tmp
     assert again["object_completion"] == 2 and not {"mask_densify", "hand_inpaint", *UNTOUCHED} & again.keys()
 
 
-def stretch(params: Sam2, count: int = 7) -> np.ndarray:
+def stretch(params: Sam2, count: int = 5) -> np.ndarray:
     """Labels of a short random video with key frames at its ends."""
     rgb = np.random.default_rng(0).integers(0, 255, (count, 48, 80, 3), np.uint8)
     labels = np.zeros((2, 48, 80), np.int16)
@@ -76,16 +75,16 @@ def params(model: Path, **more: Any) -> Sam2:
     return Sam2(str(model), **more)
 
 
-def test_other_weights_other_masks_and_the_same_bytes_twice(model: Path, tmp_path: Path) -> None:
-    """Also in half the bits, and however many features are kept."""
+def test_masks_depend_on_weights_and_are_deterministic(model: Path, tmp_path: Path) -> None:
+    """The size of the feature cache does not matter; bfloat16 works."""
     found = stretch(params(model))
     assert found.tobytes() == stretch(params(model)).tobytes() == stretch(params(model, cache_frames=1)).tobytes()
     assert not np.array_equal(found, stretch(params(save_sam2_video(tmp_path, seed=1))))
     assert stretch(params(model, dtype="bfloat16")).shape == found.shape
 
 
-def test_both_key_frames_speak(model: Path) -> None:
-    """Beside a key frame the logits are nearly those of the way that starts there; in the middle they are the mean of both."""
+def test_logits_are_blended_by_nearness(model: Path) -> None:
+    """In the middle between two key frames the logits are the mean of both passes."""
     rgb = np.random.default_rng(1).integers(0, 255, (5, 48, 80, 3), np.uint8)
     prompts = {at: np.zeros((1, 48, 80), bool) for at in (0, 4)}
     prompts[0][0, 5:25, 5:25], prompts[4][0, 20:40, 50:70] = True, True
@@ -102,7 +101,7 @@ def test_both_key_frames_speak(model: Path) -> None:
 
 
 def test_memory_is_bounded(model: Path) -> None:
-    """Of frames far back nothing is kept but the prompts, and of image features as many as asked."""
+    """Only prompts are kept of distant frames, and as many image features as requested."""
     rgb = np.random.default_rng(2).integers(0, 255, (24, 32, 32, 3), np.uint8)
     prompts = {0: np.ones((1, 32, 32), bool)}
     net = load_model(str(model))
@@ -114,23 +113,23 @@ def test_memory_is_bounded(model: Path) -> None:
     assert set(made.output_dict_per_obj[0]["cond_frame_outputs"]) == {0}
 
 
-def test_a_prompt_of_nothing_is_out_of_sight(model: Path) -> None:
+def test_an_empty_prompt_gives_an_empty_mask(model: Path) -> None:
     """An object with an empty mask has no pixel in that frame."""
     rgb = np.random.default_rng(3).integers(0, 255, (2, 32, 32, 3), np.uint8)
     assert (track(load_model(str(model)), rgb, {0: np.zeros((1, 32, 32), bool)})[0, 0] < 0).all()
 
 
 @pytest.mark.parametrize("how", ["missing", "partial", "cut", "foreign", "text"])
-def test_what_is_no_sam2_is_refused_in_a_sentence(how: str, model: Path, tmp_path: Path) -> None:
-    """No folder, tensors that are left out, a file that ends too early, another model, a file of text."""
+def test_invalid_weights_are_refused(how: str, model: Path, tmp_path: Path) -> None:
+    """A missing folder, missing tensors, a truncated file, another model and a text file are each refused in one sentence."""
     folder = Path(shutil.copytree(model, tmp_path / "copy"))
-    file, said = folder / "model.safetensors", "expected the weights of a Sam2VideoModel"
+    file, message = folder / "model.safetensors", "expected the weights of a Sam2VideoModel"
     if how == "missing":
-        folder, said = tmp_path / "nowhere", "expected a Sam2VideoModel in a local folder, got nothing there"
+        folder, message = tmp_path / "nowhere", "expected a Sam2VideoModel in a local folder, got nothing there"
     elif how == "partial":
         kept = {name: one for name, one in load_file(file).items() if not name.startswith("memory_attention.layers.0.linear")}
         save_file(kept, file, {"format": "pt"})
-        said += ", these lack memory_attention.layers.0.linear1.bias"
+        message += ", these lack memory_attention.layers.0.linear1.bias"
     elif how == "cut":
         file.write_bytes(file.read_bytes()[:-1000])
     elif how == "foreign":
@@ -138,8 +137,8 @@ def test_what_is_no_sam2_is_refused_in_a_sentence(how: str, model: Path, tmp_pat
     else:
         folder = tmp_path / "sam2.pt"
         folder.write_text("a page that says 404")
-        said = r"sam2\.pt: expected a checkpoint or TorchScript as torch 1\.6 and later write them, or safetensors; "
-    with pytest.raises(ValueError, match=said) as caught:
+        message = r"sam2\.pt: expected a checkpoint or TorchScript as torch 1\.6 and later write them, or safetensors; "
+    with pytest.raises(ValueError, match=message) as caught:
         load_model(str(folder))
     assert "\n" not in str(caught.value)
 
@@ -151,8 +150,9 @@ def test_device_and_dtype_are_checked(model: Path) -> None:
         load_model(str(model), "toaster")
 
 
-def test_no_torchvision(model: Path) -> None:
-    """Nothing that a learned backend loads brings it."""
+@pytest.mark.slow
+def test_learned_backends_do_not_import_torchvision(model: Path) -> None:
+    """The learned backends load their models without torchvision."""
     code = ("import sys\nfrom afford.surface.proposals import sam\nfrom afford.extraction.complete import sam2\n"
             "from afford.surface.describe import vlm\nfrom afford.surface.score import clip\n"
             "from afford.models.sam2 import load_model\n"
