@@ -203,7 +203,7 @@ def test_one_flipped_bit_changes_no_sample(small, tmp_path, seed):
 
 
 def test_a_data_set_without_its_manifest_is_read(data, tmp_path):
-    """As one that comes from elsewhere; pages are verified all the same."""
+    """A data set from another source has no manifest; its pages are verified."""
     root = shutil.copytree(data.files[0].parents[1], tmp_path / "copy")
     (root / MANIFEST).write_text('["a manifest of another kind"]')
     assert same(load.Dataset(root)[7], data[7])

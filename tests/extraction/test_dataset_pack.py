@@ -65,7 +65,7 @@ def samples_of(split: str):
     return [(made, sample) for made in CLIPS if made.split == split for sample in made.samples]
 
 
-def test_every_sample_is_written_once_in_order(packed):
+def test_samples_are_written_once_in_order(packed):
     """Rows are the samples of a split, by video and frame; all shards except the last are full."""
     for split, shards in (("train", 3), ("val", 2)):
         paths = load.shards(packed, split)
@@ -99,7 +99,7 @@ def test_datasets_reads_the_folder(packed, tmp_path):
 
 
 def test_run_lengths_boxes_and_areas_agree_with_the_masks(packed):
-    """All representations of a mask agree."""
+    """Run lengths, boxes and areas of a mask agree with its picture."""
     for row, (_, sample) in zip(load.rows(packed, "train", [column.name for column in table_schema.FIXED]), samples_of("train"),
                                 strict=True):
         for name, mask in zip(table_schema.MASKS, sample.masks, strict=True):
@@ -157,8 +157,8 @@ def test_statistics(packed):
     assert plots == {"areas.png", "classes.png", "hand_positions.png", "taxonomy.png"}
 
 
-def test_croissant_lists_every_column_and_shard(packed):
-    """Every column is a field; every shard is listed with its sha256."""
+def test_croissant_lists_columns_and_shards(packed):
+    """Columns are fields; shards are listed with their sha256."""
     described = json.loads((packed / "croissant.json").read_text())
     names = pq.ParquetFile(load.shards(packed, "train")[0]).schema_arrow.names
     assert {field["source"]["extract"]["column"] for field in described["recordSet"][0]["field"]} == set(names)

@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,14 +14,55 @@ import pytest
 from safetensors.torch import load_file, save_file
 
 from afford.codecs import CODEC
-from afford.extraction.tracks import BACKGROUND, Sam2
+from afford.extraction.complete.sam2 import complete
+from afford.extraction.tracks import BACKGROUND, UNKNOWN, Sam2
 from afford.extraction.tracks.sam2 import propagate
 from afford.models.sam2 import follow, full_size, load_model, session, track
 from runner.store import Store
 from runner.traces import Traces
+from schemas.masks import Entity, Tracks
+from schemas.video import Frames, Inpainted
 from tests.helpers.command import Called, Made
 from tests.helpers.learned_chain import flip_a_weight
 from tests.helpers.tiny_models import save_backbones, save_sam2_video
+
+
+@pytest.fixture(scope="module")
+def sam2_params(tmp_path_factory: pytest.TempPathFactory) -> Sam2:
+    folder: Path = save_sam2_video(tmp_path_factory.mktemp("sam2"))
+    return Sam2(model=str(folder), device="cpu", dtype="float32", memory_keys=2, cache_frames=4)
+
+
+def test_key_labels_are_kept(sam2_params: Sam2) -> None:
+    """Key frames keep known labels with confidence 1; other frames have valid labels and confidences."""
+    rgb = np.random.default_rng(1).integers(0, 255, (4, 32, 48, 3), np.uint8)
+    labels = np.zeros((2, 32, 48), np.int16)
+    labels[:, 4:20, 4:20], labels[:, 8:28, 28:44], labels[0, 0, 0] = 1, 2, UNKNOWN
+    found = propagate(rgb, np.array([0, 3]), labels, 2, sam2_params)
+    known = labels != UNKNOWN
+    assert np.array_equal(found.labels[[0, 3]][known], labels[known])
+    assert found.labels.min() >= 0 and found.labels.max() <= 2
+    assert (found.confidence[:, [0, 3]] == 1).all() and ((found.confidence >= 0) & (found.confidence <= 1)).all()
+
+
+def test_an_object_out_of_sight_stays_empty(tmp_path: Path) -> None:
+    """Frames without a visible mask stay empty; other frames have a confidence between 0 and 1."""
+    folder = save_sam2_video(tmp_path)
+    t, h, w = 3, 32, 48
+    rgb = np.random.default_rng(2).integers(0, 255, (t, h, w, 3), np.uint8)
+    frame, time = np.arange(1, t + 1), np.arange(t, dtype=np.int64)
+    masks = np.zeros((1, t, h, w), bool)
+    masks[0, :2, 8:24, 10:30] = True
+    one = np.ones((1, t))
+    tracks = Tracks("c", (Entity("mug", "mug", 13, "object", ""),), frame, masks, one.astype(np.float32), one.astype(np.uint8),
+                    one.astype(np.int64), one.astype(np.int32), -np.ones((2, t), np.int16), -np.ones((2, t), np.int32))  # fmt: skip
+    empty = np.zeros((t, h, w))
+    inpainted = Inpainted("c", frame, rgb, empty > 0, empty.astype(np.uint8), empty.astype(np.uint8))
+    params = SimpleNamespace(model=str(folder), device="cpu", dtype="float32")
+    found = complete(Frames("c", frame, time, rgb), tracks, inpainted, 0, params)
+    assert not found.masks[2].any() and found.confidence[2] == 0
+    assert ((found.confidence >= 0) & (found.confidence <= 1)).all()
+
 
 ROOT = Path(__file__).resolve().parents[2]
 UNTOUCHED = {"source_read", "clip_footage", "frame_decode", "narration_labelling"}
@@ -84,7 +126,7 @@ def test_masks_depend_on_weights_and_are_deterministic(model: Path, tmp_path: Pa
 
 
 def test_logits_are_blended_by_nearness(model: Path) -> None:
-    """In the middle between two key frames the logits are the mean of both passes."""
+    """The logits in the middle between two key frames are the mean of both passes."""
     rgb = np.random.default_rng(1).integers(0, 255, (5, 48, 80, 3), np.uint8)
     prompts = {at: np.zeros((1, 48, 80), bool) for at in (0, 4)}
     prompts[0][0, 5:25, 5:25], prompts[4][0, 20:40, 50:70] = True, True
@@ -101,7 +143,7 @@ def test_logits_are_blended_by_nearness(model: Path) -> None:
 
 
 def test_memory_is_bounded(model: Path) -> None:
-    """Only prompts are kept of distant frames, and as many image features as requested."""
+    """Distant frames keep their prompts only, and the feature cache has the requested size."""
     rgb = np.random.default_rng(2).integers(0, 255, (24, 32, 32, 3), np.uint8)
     prompts = {0: np.ones((1, 32, 32), bool)}
     net = load_model(str(model))
