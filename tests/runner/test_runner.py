@@ -1,4 +1,4 @@
-"""Running a graph: what runs again, what does not, and what it says."""
+"""Runs of a graph: cached and repeated tasks, reasons, failures and reports."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def project(tmp_path: Path) -> Project:
 
 
 def reasons(project: Project, *words: str, **more: Any) -> dict[str, str]:
-    """Stage -> reason of its first task that is not cached."""
+    """Map each stage to the reason of its first task that is not cached."""
     plans = project.runner().plan(graph(*words, **more), "all")
     return {plan.stage: str(plan.reason) for plan in reversed(plans) if plan.status != "cached"}
 
@@ -38,8 +38,8 @@ def test_everything_runs_once_and_then_never_again(project: Project) -> None:
     assert [shard for shard, _ in second.outputs["shout"]] == ["w0/w0.0", "w0/w0.1", "w1/w1.0", "w1/w1.1"]
 
 
-def test_what_a_worker_prints_is_no_answer(project: Project, capfd: pytest.CaptureFixture[str]) -> None:
-    """Standard output is the scheduler's alone; below Python, too."""
+def test_output_of_workers_goes_to_stderr(project: Project, capfd: pytest.CaptureFixture[str]) -> None:
+    """Standard output belongs to the scheduler, also below Python."""
     project.edit("toy/shout.py", '    note("shout", part.name)\n', '    note("shout", part.name)\n    os.write(1, b"a library")\n')
     assert project.run("ab", jobs=1).ok
     told = capfd.readouterr()
@@ -47,7 +47,7 @@ def test_what_a_worker_prints_is_no_answer(project: Project, capfd: pytest.Captu
 
 
 def test_a_new_element_runs_alone(project: Project) -> None:
-    """One more word: its own shards and the join."""
+    """A new word runs its own shards and the join."""
     project.run("ab", "cd")
     project.executed()
     project.run("ab", "cd", "ef")
@@ -55,7 +55,7 @@ def test_a_new_element_runs_alone(project: Project) -> None:
 
 
 def test_a_constant_of_a_helper_runs_what_reaches_it(project: Project) -> None:
-    """A constant of a helper: the stage that reaches it, and below only where bytes changed (the first letters did not)."""
+    """The stage that reaches the constant runs; stages below run only where bytes changed (the first letters did not)."""
     project.run("ab", "cd", jobs=1)
     project.executed()
     project.edit("toy/helper.py", 'MARK = "!"', 'MARK = "?"')
@@ -77,7 +77,7 @@ def test_undo_is_free_and_a_comment_is_nothing(project: Project) -> None:
 
 
 def test_every_change_has_its_reason(project: Project) -> None:
-    """Out of a closed list, with what changed."""
+    """Each reason is from the closed list, and names the change."""
     assert reasons(project, "ab")["split"] == "first run"
     project.run("ab")
     assert reasons(project, "ab") == {}
@@ -97,14 +97,14 @@ def _version() -> str:
 
 
 def test_explain_says_why_something_ran(project: Project) -> None:
-    """A cached task carries the reason of its last run; one shard can be asked for."""
+    """A cached task has the reason of its last run; a single shard can be selected."""
     project.run("ab", "cd")
     plans = project.runner().explain(graph("ab", "cd"), "all", stage="shout", shard="w1.0")
     assert [(plan.shard, plan.status, plan.reason.why) for plan in plans] == [("w1/w1.0", "cached", "first run")]
 
 
 def test_forced_stages_run_again(project: Project) -> None:
-    """`force` runs a stage; the same bytes cut off what is below."""
+    """`force` runs a stage; equal bytes stop the stages below."""
     project.run("ab")
     project.executed()
     project.run("ab", force=["shout"])
@@ -112,7 +112,7 @@ def test_forced_stages_run_again(project: Project) -> None:
 
 
 def test_a_failed_shard_fails_alone_and_is_tried_again(project: Project) -> None:
-    """The others go on, collect takes what there is, the message is one clear line, the traceback is kept."""
+    """Other shards continue, collect takes the available ones, the message is one clear line, and the traceback is kept."""
     report = project.run("ab", "bad", "bug")
     assert report.failed == {"shout": 4} and report.blocked == {"pair": 4}
     assert text(project, report) == "A A"
@@ -136,7 +136,7 @@ def test_a_stage_that_ends_itself_fails_alone(jobs: int, project: Project) -> No
     assert text(project, report) == "A A"
 
 
-def test_when_everything_fails_nothing_is_collected(project: Project) -> None:
+def test_a_collect_of_failures_is_blocked(project: Project) -> None:
     """A collect without any success is blocked, not empty."""
     report = project.run("bad")
     assert report.outputs["join"] == [] and report.blocked["join"] == 1
@@ -144,12 +144,12 @@ def test_when_everything_fails_nothing_is_collected(project: Project) -> None:
 
 
 def test_an_empty_list_is_collected_as_such(project: Project) -> None:
-    """No element and no failure: an empty tuple."""
+    """Without elements and failures, the result is an empty tuple."""
     assert text(project, project.run()) == ""
 
 
 def test_shards_limit_a_fan_out(project: Project) -> None:
-    """By the name of an outer or an inner element; an unknown one is refused with the nearest."""
+    """Selected by the name of an outer or an inner element; an unknown name is refused with the nearest."""
     assert project.run("ab", "cd", shards=["w1"]).ran == {"split": 1, "shout": 2, "pair": 2, "join": 1}
     assert [shard for shard, _ in project.run("ab", "cd", shards=["w0.1"]).outputs["shout"]] == ["w0/w0.1"]
     assert len(project.run("ab", "cd", shards=["w0.1", "w1"]).outputs["shout"]) == 3
@@ -165,8 +165,8 @@ def test_unknown_names_are_refused_with_the_nearest(project: Project) -> None:
         project.run("ab", force=["shoud"])
 
 
-def test_only_uses_the_last_inputs_and_says_when_they_are_stale(project: Project) -> None:
-    """One stage, its recorded inputs, and a note where the graph would give it others."""
+def test_run_with_only_uses_the_last_inputs_and_reports_stale_ones(project: Project) -> None:
+    """One stage runs on its recorded inputs, with a note where the graph would give others."""
     with pytest.raises(UnknownNameError, match="no recorded inputs yet"):
         project.run("ab", only="shout")
     project.run("ab")
@@ -178,7 +178,7 @@ def test_only_uses_the_last_inputs_and_says_when_they_are_stale(project: Project
 
 
 def test_a_plan_does_nothing(project: Project) -> None:
-    """It says what would run and what waits for it."""
+    """It lists tasks to run and tasks that wait for them."""
     plans = project.runner().plan(graph("ab"), "all")
     assert [(plan.stage, plan.shard, plan.status) for plan in plans] == [
         ("split", "w0", "run"), ("shout", "w0/*", "pending"), ("pair", "w0/*", "pending"), ("join", "", "pending")]
@@ -186,7 +186,7 @@ def test_a_plan_does_nothing(project: Project) -> None:
 
 
 def test_two_names_of_one_function_share_what_they_made(project: Project) -> None:
-    """The key is of the function, not of its name in a graph."""
+    """The key contains the function, not its name in a graph."""
     g = Graph()
     word = g.leaf("word", Word("a", "x"))
     one = g.add(join.run, words=(word,))  # type: ignore[call-arg]
@@ -205,7 +205,7 @@ def test_costs_are_known_also_of_what_is_cached(project: Project) -> None:
                                  ("pair", "w0/w0.1"), ("join", "")}
 
 
-def test_observers_are_told(project: Project) -> None:
+def test_observers_receive_every_event(project: Project) -> None:
     """Every task is planned, started and finished once, and progress is passed on."""
     class Watch:
         def __init__(self) -> None:
@@ -222,7 +222,7 @@ def test_observers_are_told(project: Project) -> None:
 
 
 def test_outside_files_stay_where_they_are(project: Project, tmp_path: Path) -> None:
-    """A leaf's file is not copied, its digest is remembered, and a change of it is seen."""
+    """A leaf's file is not copied, its digest is remembered, and a change of it is noticed."""
     path = tmp_path / "video.bin"
     path.write_bytes(b"x" * 100_000)
     os.utime(path, ns=(10**18, 10**18))
@@ -237,7 +237,7 @@ def test_outside_files_stay_where_they_are(project: Project, tmp_path: Path) -> 
 
 
 def test_a_disk_that_is_full_is_one_sentence(project: Project) -> None:
-    """The shard fails with what the system said, in words; the others are done."""
+    """The shard fails with the system's error in words; the other shards finish."""
     project.edit("toy/shout.py", "loud(part.text)", '"full disk" if part.text == "ab1" else loud(part.text)')
     report = project.run("ab", jobs=1)
     assert [(failure.shard, failure.message) for failure in report.failures] == [("w0/w0.1", "no space left on the disk")]
@@ -245,7 +245,7 @@ def test_a_disk_that_is_full_is_one_sentence(project: Project) -> None:
 
 
 def test_a_store_that_cannot_be_written_is_one_sentence(tmp_path: Path) -> None:
-    """Said before anything runs."""
+    """The error comes before anything runs."""
     project = Project.make(tmp_path)
     project.store.write_text("a file where the store should be")
     with pytest.raises(StoreError, match="cannot be written to"):
@@ -253,7 +253,7 @@ def test_a_store_that_cannot_be_written_is_one_sentence(tmp_path: Path) -> None:
 
 
 def test_code_edited_while_it_runs_is_not_stored_under_the_old_key(project: Project) -> None:
-    """The output is dropped and the shard fails with a request to run again."""
+    """The output is dropped, and the shard fails with a request to run again."""
     edited_by_itself(project, "text.replace('word.text', 'word.text + str()')")
     report = project.run("ab", jobs=1)
     assert report.failures and all("was edited while the stage ran" in failure.message for failure in report.failures)
@@ -261,7 +261,7 @@ def test_code_edited_while_it_runs_is_not_stored_under_the_old_key(project: Proj
 
 @pytest.mark.parametrize("edit", ["text + '# a comment'", "text"])
 def test_an_edit_that_changes_no_code_keeps_the_output(edit: str, project: Project) -> None:
-    """A comment, or the file written again as it was, while the stage runs: its work is not thrown away."""
+    """A comment, or the file rewritten unchanged during the run, does not discard the output."""
     edited_by_itself(project, edit)
     assert project.run("ab", jobs=1).ok
     project.executed()

@@ -1,4 +1,4 @@
-"""No kind of edit is silent: measured by running the code, a fingerprint follows it, or the code is refused with file and line."""
+"""Every kind of edit: measured by running the code, the fingerprint changes with the output, or the code is refused."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ PLACE = re.compile(r"^/.*/old/[\w/]+\.py:[1-9]\d*: .+")
 
 @pytest.fixture(scope="module")
 def verdicts(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Verdict]:
-    """Every case of `tests/helpers/edited_code.py`, measured at once."""
+    """Verdicts of all cases in `tests/helpers/edited_code.py`, measured together."""
     return {verdict.case.name: verdict for verdict in judge(tmp_path_factory.mktemp("edits"), CASES)}
 
 
@@ -35,7 +35,7 @@ def _names(want: str) -> list[str]:
 
 @pytest.mark.parametrize("name", _names(FOLLOWED))
 def test_edit_of_code_that_runs_changes_the_fingerprint(name: str, verdicts: dict[str, Verdict]) -> None:
-    """The output changes, and so does the key; a stage that uses none of it keeps its own."""
+    """The output changes, and so does the key; a stage that does not use the code keeps its key."""
     found = verdicts[name]
     assert found.outputs[0] != found.outputs[1] and not any(map(RAISED.match, found.outputs)), "the case must show what it says"
     assert (found.outcome, found.control) == ("right", True), found.message
@@ -43,7 +43,7 @@ def test_edit_of_code_that_runs_changes_the_fingerprint(name: str, verdicts: dic
 
 @pytest.mark.parametrize("name", _names(REFUSED))
 def test_code_that_cannot_be_followed_is_refused_with_file_and_line(name: str, verdicts: dict[str, Verdict]) -> None:
-    """The edit would change the output unseen, so the code is refused in one sentence that says what to do."""
+    """The edit would change the output unnoticed, so the code is refused in one sentence with advice."""
     found = verdicts[name]
     assert found.outputs[0] != found.outputs[1] and not any(map(RAISED.match, found.outputs)), "the case must show what it says"
     assert (found.outcome, found.control) == ("refused", True)
@@ -59,14 +59,14 @@ def test_edit_of_what_does_not_run_keeps_the_fingerprint(name: str, verdicts: di
 
 
 def test_counts_of_edits(verdicts: dict[str, Verdict]) -> None:
-    """Nothing stale, nothing run for nothing; the names of the cases are unique."""
+    """No case is stale or runs needlessly; the names of the cases are unique."""
     assert max(Counter(case.name for case in CASES).values()) == 1
     assert counts(list(verdicts.values())) == {
         "right": len(_names(FOLLOWED)) + len(_names(SAME)), "refused": len(_names(REFUSED)), "over": 0, "stale": 0, "control": 0}
 
 
 def test_every_stage_has_a_fingerprint_and_its_cache_gives_the_same(tmp_path: Path) -> None:
-    """Whichever backend is selected, no stage uses code that is refused; what is remembered of the code says the same."""
+    """No stage uses refused code, for any backend, and cached parses give the same fingerprints."""
     first = Modules(ROOT, tmp_path / "modules")
     read = {stage: fingerprint(first, stage, {}) for stage in STAGES}
     first.save()
@@ -77,12 +77,12 @@ def test_every_stage_has_a_fingerprint_and_its_cache_gives_the_same(tmp_path: Pa
 @pytest.mark.parametrize("entry", ["afford.codecs:CODEC", "afford.codecs.structure:save", "afford.codecs.structure:load",
                                    "afford.codecs.kinds:digest", "afford.common.worker:prepare"])
 def test_codec_and_preparation_of_workers_have_a_fingerprint(entry: str) -> None:
-    """They decide bytes, so that keys hold their code."""
+    """They determine bytes, so keys contain their code."""
     assert entry in fingerprint(Modules(ROOT), entry, {}).definitions
 
 
 def test_a_program_that_a_stage_starts_is_part_of_its_code() -> None:
-    """Training on several devices runs `afford.training.distributed` in processes of their own."""
+    """Training on several devices runs `afford.training.distributed` in its own processes."""
     found = fingerprint(Modules(ROOT), "stages.twohands.model_train:run", {}).definitions
     assert {"afford.training.distributed:main", "afford.training.distributed:__main__"} <= found.keys()
 
@@ -109,7 +109,7 @@ LINES = [
 
 @pytest.mark.parametrize(("name", "text", "message"), LINES)
 def test_errors_name_the_line(name: str, text: str, message: str, tmp_path: Path) -> None:
-    """Of the very use, not of the definition around it."""
+    """The line is that of the use, not of the enclosing definition."""
     for file, content in Case(name, REFUSED, text).files(1).items():
         (tmp_path / file).parent.mkdir(exist_ok=True)
         (tmp_path / file).write_text(content)
@@ -118,7 +118,7 @@ def test_errors_name_the_line(name: str, text: str, message: str, tmp_path: Path
 
 
 def test_a_tuple_selects_several_entries(tmp_path: Path) -> None:
-    """A parameter that lists names follows those entries; one that is no entry leaves all of them."""
+    """A parameter that lists names follows those entries; with an unknown name all entries count."""
     (tmp_path / "stage.py").write_text("METHODS = {'a': 'm:a', 'b': 'm:b', 'c': 'm:c'}\ndef run(x=3):\n    return METHODS\n")
     (tmp_path / "m.py").write_text("a = 1\nb = 2\nc = 3\n")
     modules = Modules(tmp_path)

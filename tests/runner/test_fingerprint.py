@@ -1,4 +1,4 @@
-"""Code as content: what can run behind a stage counts, nothing else does, and what cannot be followed is refused."""
+"""Fingerprints cover exactly the code that can run behind a stage; code that cannot be followed is refused."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Files = dict[str, str]
 
 
 def closure(folder: Path, files: Files, **select: object) -> dict[str, str]:
-    """The definitions behind stage:run, with the digest of all of them under ''."""
+    """Definitions behind stage:run, with the digest of all of them under ''."""
     for name, text in files.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text(text)
@@ -100,8 +100,8 @@ COUNTS = {
 
 
 @pytest.mark.parametrize("case", COUNTS)
-def test_what_can_run_counts(case: str, tmp_path: Path) -> None:
-    """Each of these changes the fingerprint, though no digest of the stage's own file would show it."""
+def test_reachable_code_counts(case: str, tmp_path: Path) -> None:
+    """Each edit changes the fingerprint, though the stage's own file is unchanged."""
     files, name, old, new = COUNTS[case]
     before = closure(tmp_path, files)
     assert old in files[name]
@@ -120,7 +120,7 @@ DOES_NOT_COUNT = {
 
 
 @pytest.mark.parametrize("case", DOES_NOT_COUNT)
-def test_what_cannot_run_does_not_count(case: str, tmp_path: Path) -> None:
+def test_unreachable_code_does_not_count(case: str, tmp_path: Path) -> None:
     """Comments, docstrings, layout, and code that the stage does not reach."""
     name, old, new = DOES_NOT_COUNT[case]
     before = closure(tmp_path, {"stage.py": STAGE, "helper.py": HELPER})
@@ -128,13 +128,13 @@ def test_what_cannot_run_does_not_count(case: str, tmp_path: Path) -> None:
 
 
 def test_a_local_variable_is_not_a_constant_of_the_module(tmp_path: Path) -> None:
-    """Python's scopes: K here is an argument."""
+    """By Python's scopes, K is an argument here."""
     stage = "K = 1\ndef run(K):\n    return [K for K in range(K)]\n"
     assert "stage:K" not in closure(tmp_path, {"stage.py": stage})
 
 
 def test_doc_lines_of_schemas_do_not_count(tmp_path: Path) -> None:
-    """The last positional argument of a field and its encoding are not what the field means."""
+    """The last positional argument of a field and its encoding do not affect its meaning."""
     text = "class A:\n    n: int = value('how many', encoding='raw', unit='m')\n"
     files = {"stage.py": "from schemas.a import A\ndef run(x: A):\n    return x\n", "schemas/a.py": text}
     before = closure(tmp_path, files)
@@ -149,8 +149,8 @@ REGISTRY = {
     "one.py": "def f(x):\n    return 1\n", "two.py": "def f(x):\n    return 2\n"}
 
 
-def test_only_the_selected_backend_is_followed(tmp_path: Path) -> None:
-    """The entry that the parameter `backend` names counts, the others do not; without such a field all count."""
+def test_the_selected_backend_alone_is_followed(tmp_path: Path) -> None:
+    """The entry in the parameter `backend` counts, the others do not; without such a field all count."""
     before = closure(tmp_path, REGISTRY, backend="a")
     everything = closure(tmp_path, REGISTRY)
     (tmp_path / "two.py").write_text("def f(x):\n    return 3\n")
@@ -160,7 +160,7 @@ def test_only_the_selected_backend_is_followed(tmp_path: Path) -> None:
 
 
 def test_a_new_backend_does_not_disturb_the_others(tmp_path: Path) -> None:
-    """Adding an entry to the registry leaves what the other entries made."""
+    """Adding an entry to the registry keeps the fingerprints of the others."""
     before = closure(tmp_path, REGISTRY, backend="a")
     (tmp_path / "stage.py").write_text(REGISTRY["stage.py"].replace("'b':", "'c': 'two:f', 'b':"))
     assert closure(tmp_path, {}, backend="a") == before
@@ -178,14 +178,14 @@ def test_a_new_backend_does_not_disturb_the_others(tmp_path: Path) -> None:
     ({"stage.py": "BACKENDS = {'a': 'pack.no:f'}\ndef run(x):\n    return BACKENDS\n", "pack/__init__.py": ""}, "'pack.no'"),
     ({"stage.py": "def run(x):\n    return (\n"}, "stage.py:2: "),
 ])
-def test_what_cannot_be_followed_is_refused(files: Files, message: str, tmp_path: Path) -> None:
-    """Dynamic code is an error at build time, never a silent hole."""
+def test_untraceable_code_is_refused(files: Files, message: str, tmp_path: Path) -> None:
+    """Dynamic code is an error at build time, never a silent gap."""
     with pytest.raises(ValueError, match=message):
         closure(tmp_path, files)
 
 
 def test_declared_dynamic_code_is_followed(tmp_path: Path) -> None:
-    """DYNAMIC names what a computed import may load."""
+    """DYNAMIC lists the targets of a computed import."""
     stage = "import importlib\nDYNAMIC = ('helper',)\ndef run(x):\n    return importlib.import_module(x)\n"
     before = closure(tmp_path, {"stage.py": stage, "helper.py": HELPER})
     assert closure(tmp_path, {"helper.py": HELPER.replace("return 5", "return 6")})[""] != before[""]
@@ -199,7 +199,7 @@ def test_a_literal_attribute_name_is_followed(tmp_path: Path) -> None:
 
 
 def test_third_party_packages_are_listed(tmp_path: Path) -> None:
-    """Imports out of the project, at run time only: neither Python's own nor those for type checkers."""
+    """Run-time imports from outside the project, without the standard library and imports for type checkers."""
     stage = ("import os\nimport numpy as np\nfrom typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    import torch\n"
              "def run(x: torch.Tensor):\n    import cv2\n    return np.sum(cv2.blur(os.sep, x))\n")
     (tmp_path / "stage.py").write_text(stage)
@@ -207,7 +207,7 @@ def test_third_party_packages_are_listed(tmp_path: Path) -> None:
 
 
 def test_a_change_is_named(tmp_path: Path) -> None:
-    """Edited, added and removed definitions, told apart."""
+    """Edited, added and removed definitions are distinguished."""
     before = closure(tmp_path, {"stage.py": STAGE, "helper.py": HELPER})
     text = HELPER.replace("K = 1", "K = 2").replace("return x * K", "return x * K * NEW") + "NEW = 1\n"
     after = closure(tmp_path, {"helper.py": text})
@@ -215,7 +215,7 @@ def test_a_change_is_named(tmp_path: Path) -> None:
 
 
 def test_parsing_is_remembered_and_forgotten_with_the_file(tmp_path: Path) -> None:
-    """The cache gives the same answer, and a change of the file is seen through it."""
+    """The cache gives the same result, and a change of the file is noticed."""
     closure(tmp_path, {"stage.py": STAGE, "helper.py": HELPER})
     for name in ("stage.py", "helper.py"):
         os.utime(tmp_path / name, ns=(10**18, 10**18))
@@ -230,6 +230,6 @@ def test_parsing_is_remembered_and_forgotten_with_the_file(tmp_path: Path) -> No
 
 
 def test_the_digest_of_code_is_this_digest(tmp_path: Path) -> None:
-    """Our own spelling of syntax: another Python must give the same."""
+    """Pinned: other versions of Python must give the same normal form."""
     found = closure(tmp_path, {"stage.py": STAGE, "helper.py": HELPER})
     assert found[""] == "b818ed8ddd04494f7b1dc4212f00629aeda8769db70b39b758ea4c764e2d2b50"

@@ -1,4 +1,4 @@
-"""Keys are free of locations: code that moves makes nothing again, a name that leads elsewhere does."""
+"""Keys are independent of code locations: moved code runs nothing again, a name that refers to other code does."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ FILES = {
 
 @pytest.fixture
 def project(tmp_path: Path) -> EditableProject:
-    """The project, run once."""
+    """Project that ran once."""
     made = EditableProject.build(tmp_path, FILES)
     assert made.play()[:2] == (2, "AB!.?!.?".upper())
     return made
@@ -77,14 +77,14 @@ MOVES = {
 
 @pytest.mark.parametrize("case", MOVES)
 def test_code_that_moves_runs_nothing(case: str, project: EditableProject) -> None:
-    """0 tasks, and nothing is planned."""
+    """0 tasks run, and none is planned."""
     for old, new in MOVES[case]:
         project.move(old, new)
     assert project.play() == (0, "AB!.?!.?", [])
 
 
 def test_a_module_that_is_split_in_two_runs_nothing(project: EditableProject) -> None:
-    """So do two modules that become one."""
+    """Merging two modules runs nothing either."""
     loud, end = FILES["pkg/helper.py"].split("\n\n\n")
     (project.root / "pkg/helper.py").write_text(loud)
     (project.root / "pkg/ends.py").write_text(end)
@@ -121,20 +121,20 @@ def test_names_that_lead_elsewhere_run_again(case: str, project: EditableProject
 
 
 def test_an_edit_after_a_move_is_named_at_its_new_place(project: EditableProject) -> None:
-    """The move is no part of the reason."""
+    """The move is not part of the reason."""
     project.move("pkg/helper.py", "pkg/text/helper.py")
     project.edit("pkg/text/helper.py", "'.'", "';'")
     assert project.play()[2][0] == "code changed: ~pkg.text.helper:end"
 
 
 def test_another_name_on_the_map_runs_nothing(project: EditableProject) -> None:
-    """The name is a label outside the key: two names for one function share what they made."""
+    """The name is a label outside the key: two names of one function share outputs."""
     project.edit("main.py", 'g.named("shout")', 'g.named("call")')
     assert project.play() == (0, "AB!.?!.?", [])
 
 
 def test_two_functions_that_are_the_same_share_what_they_made(project: EditableProject) -> None:
-    """A copy of a stage in another module is the stage again."""
+    """A copy of a stage in another module has the same key."""
     (project.root / "pkg/copy.py").write_text(FILES["pkg/shout.py"])
     project.edit("main.py", "from pkg.shout", "from pkg.copy")
     assert project.play()[0] == 0
@@ -147,13 +147,13 @@ def test_two_functions_that_are_the_same_share_what_they_made(project: EditableP
     ({"a:f": "1", "b:f": "1"}, {"c:f": "1"}, ["-b:f"]),
     ({"a:f": "1"}, {"b:f": "2", "c:f": "3"}, ["+b:f", "+c:f", "-a:f"]),
     ({"a:f": "1"}, {"a:f": "1", "b:g": "1"}, ["+b:g"])])
-def test_changes_of_definitions_are_told_from_moves(old: dict[str, str], new: dict[str, str], names: list[str]) -> None:
-    """By the bare name and the digest; what cannot be told apart came and went."""
+def test_changed_definitions_differ_from_moved_ones(old: dict[str, str], new: dict[str, str], names: list[str]) -> None:
+    """Compared by bare name and digest; ambiguous definitions count as removed and added."""
     assert changed(old, new) == names
 
 
 def test_a_store_of_a_former_version_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """In one sentence that says what to do, instead of making all of it again."""
+    """One sentence with advice, instead of computing everything again."""
     from toy import split
     from toy.values import Word
 

@@ -1,4 +1,4 @@
-"""An input that turns out damaged when a task reads it: what made it runs again, then the task does, whatever lies in between."""
+"""Inputs that turn out damaged when a task reads them: the producer runs again, then the task, through every form of edge."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from toy.values import Word
 from toy_project import Project
 
 from runner import Graph
-from tests.runner.test_runner_crash import flip
+from tests.runner.test_crashes import flip
 
 
 @pytest.fixture
@@ -20,7 +20,7 @@ def project(tmp_path: Path) -> Project:
 
 
 def forms() -> Graph:
-    """A consumer at the end of each form of edge: straight, of a picked field, of a list, of a tuple of handles, of an element."""
+    """Graph with a consumer at the end of each form of edge: direct, picked field, list, tuple of handles, element."""
     g = Graph()
     word = g.leaf("word", Word("w", "ab"))
     parts = g.add(split.run, word=word, params=split.Params())
@@ -47,7 +47,7 @@ CONSUMERS = {"collect": "join_collect", "straight": "pair_again", "pick": "shout
 @pytest.mark.parametrize("jobs", [0, 2])
 @pytest.mark.parametrize("form", CONSUMERS)
 def test_a_damaged_input_is_made_again_and_its_consumer_runs(form: str, jobs: int, project: Project) -> None:
-    """The cache takes every blob for whole, as after damage during a run: the output is there all the same, and right."""
+    """The cache reports every blob as valid, as after damage during a run; the outputs are still right."""
     first = project.runner(jobs).run(forms(), form)
     runner = project.runner(jobs)
     runner.store._verified_blobs.same = lambda blob, path: os.stat(path).st_size > 0  # type: ignore[method-assign]
@@ -60,7 +60,7 @@ def test_a_damaged_input_is_made_again_and_its_consumer_runs(form: str, jobs: in
 
 
 def test_a_list_whose_manifest_is_gone_is_listed_again(project: Project) -> None:
-    """No stage made it: it is put together again from its elements."""
+    """The list has no producing stage, and is rebuilt from its elements."""
     first = project.runner().run(forms(), "collect")
     runner = project.runner()
     trace = runner.traces.last("join_collect", "")
@@ -72,8 +72,8 @@ def test_a_list_whose_manifest_is_gone_is_listed_again(project: Project) -> None
     assert report.ok and report.outputs == first.outputs and found(trace.inputs["words"]) is not None
 
 
-def test_what_is_wanted_and_not_made_is_a_failure(project: Project, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whatever the cause: no run ends well without its output."""
+def test_a_missing_wanted_output_is_a_failure(project: Project, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No run succeeds without its output, whatever the cause."""
     monkeypatch.setattr("runner.schedule.Schedule.needed", lambda *_: None)
     report = project.runner().run(forms(), "gather")
     assert not report.ok and {failure.stage for failure in report.failures} == {"join_gather"}

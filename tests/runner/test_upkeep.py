@@ -1,4 +1,4 @@
-"""Looking after a store: lineage, verify, gc, provenance."""
+"""Store maintenance: lineage, verify, gc, provenance."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def project(tmp_path: Path) -> Project:
 
 
 def test_lineage_leads_to_the_leafs(project: Project) -> None:
-    """From a digest, its beginning or a path, through every stage, to values that no stage made."""
+    """From a digest, a prefix of it or a path, through every stage, to values from outside."""
     report = project.run("ab")
     digest = report.outputs["join"][0][1]
     runner = project.runner()
@@ -39,7 +39,7 @@ def test_lineage_leads_to_the_leafs(project: Project) -> None:
 
 
 def test_provenance_is_complete(project: Project) -> None:
-    """Key, inputs, parameters, code, seed, versions, machine and cost stand in the trace."""
+    """A trace has key, inputs, parameters, code, seed, versions, machine and cost."""
     report = project.run("ab")
     trace = project.runner().lineage(report.outputs["shout"][0][1]).trace
     assert trace is not None and trace.stage == "shout" and trace.shard == "w0/w0.0"
@@ -49,7 +49,7 @@ def test_provenance_is_complete(project: Project) -> None:
 
 
 def test_gc_keeps_what_is_in_use(project: Project) -> None:
-    """Outputs of parameters that are not in use any more go; what is in use stays and nothing runs again."""
+    """Outputs of unused parameters are deleted; those in use stay, and nothing runs again."""
     project.run("ab", params=shout.Params(backend="old"))
     project.edit("toy/helper.py", '"!"', '"?"')
     report = project.run("ab", jobs=1)
@@ -64,7 +64,7 @@ def test_gc_keeps_what_is_in_use(project: Project) -> None:
 
 
 def test_gc_waits_for_no_run_and_disturbs_none(project: Project) -> None:
-    """While a run goes on it is refused in one sentence."""
+    """It is refused in one sentence during a run."""
     project.run("ab")
     lease = Lease(project.store / "leases" / "store.lock", shared=True)
     with pytest.raises(StoreError, match="a run is using"):
@@ -74,21 +74,21 @@ def test_gc_waits_for_no_run_and_disturbs_none(project: Project) -> None:
 
 
 def test_blobs_are_read_only(project: Project) -> None:
-    """Nobody edits them by accident."""
+    """They cannot be edited by accident."""
     project.run("ab")
     for path in (project.store / "blobs").glob("??/*"):
         assert stat.S_IMODE(os.stat(path).st_mode) == 0o444
 
 
 def test_scratch_is_gone_when_the_output_is_safe(project: Project) -> None:
-    """And so are leases."""
+    """Leases are gone as well."""
     project.run("ab", jobs=2)
     assert list((project.store / "scratch").iterdir()) == []
     assert {path.name for path in (project.store / "leases").iterdir()} <= {"store.lock", "index.lock"}
 
 
 def test_gc_keeps_what_was_used_last_also_when_another_run_was_open(project: Project) -> None:
-    """An edit, run and undone while another run is open, is not taken for the last use by whoever reads the store later."""
+    """An edit that ran and was undone while another run was open does not count as the last use."""
     project.run("ab")
     open_run = project.runner()
     project.edit("toy/helper.py", '"!"', '"?"')
@@ -103,7 +103,7 @@ def test_gc_keeps_what_was_used_last_also_when_another_run_was_open(project: Pro
 
 
 def test_the_last_use_is_known_without_the_index(project: Project) -> None:
-    """After an undo the older traces are the current ones; gc keeps them although .cache is gone."""
+    """After an undo the older traces are current; gc keeps them although .cache is gone."""
     project.run("ab")
     project.edit("toy/helper.py", '"!"', '"?"')
     project.run("ab")
@@ -115,7 +115,7 @@ def test_the_last_use_is_known_without_the_index(project: Project) -> None:
 
 
 def test_a_dry_gc_counts_and_deletes_nothing(project: Project) -> None:
-    """Files and bytes are those that the real one deletes."""
+    """Files and bytes equal those that the real one deletes."""
     project.run("ab", params=shout.Params(backend="old"))
     project.run("ab")
 
@@ -130,7 +130,7 @@ def test_a_dry_gc_counts_and_deletes_nothing(project: Project) -> None:
 
 
 def test_gc_sees_what_a_run_finished_while_it_waited(project: Project) -> None:
-    """A runner that was opened before another run ended knows of its results when it collects."""
+    """A runner that was opened before another run ended finds its results when it collects."""
     collector = project.runner()
     project.run("ab")
     collector.gc()

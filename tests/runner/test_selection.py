@@ -1,4 +1,4 @@
-"""Parameters by backend: what belongs to a backend that is not selected is in no key."""
+"""Parameters by backend: the block of a backend that is not selected is not in the key."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ FILES = {
 
 @pytest.fixture
 def project(tmp_path: Path) -> EditableProject:
-    """The project, run once with the backend `flow`."""
+    """Project that ran once with the backend `flow`."""
     made = EditableProject.build(tmp_path, FILES)
     assert made.play()[:2] == (1, "ab~~.")
     return made
@@ -96,7 +96,7 @@ EDITS = {
 
 @pytest.mark.parametrize("case", EDITS)
 def test_an_edit_of_a_block_runs_again_only_what_selects_it(case: str, project: EditableProject) -> None:
-    """0 tasks for the unselected backend; for the selected one the task, and the reason names what changed."""
+    """0 tasks for the unselected backend; for the selected one the task, with the changed name as the reason."""
     old, new = EDITS[case]
     project.edit("pkg/sam2.py", old, new)
     assert project.play() == (0, "ab~~.", [])
@@ -124,7 +124,7 @@ def test_a_library_of_a_backend_runs_again_only_what_selects_it(project: Editabl
 
 
 def test_a_new_backend_with_a_block_runs_nothing(project: EditableProject) -> None:
-    """Nor does the place of its field among the others."""
+    """The position of its field among the others does not count either."""
     project.edit("pkg/stage.py", '"sam-2": "pkg.sam2:mark"}', '"sam-2": "pkg.sam2:mark", "new": "pkg.new:mark"}')
     project.edit("pkg/stage.py", "    flow: Flow = Flow()", "    new: New = New()\n    flow: Flow = Flow()")
     project.edit("pkg/stage.py", "from pkg.load", "from pkg.new import New\nfrom pkg.load")
@@ -133,7 +133,7 @@ def test_a_new_backend_with_a_block_runs_nothing(project: EditableProject) -> No
 
 
 def test_another_backend_has_another_key_and_its_own_block(project: EditableProject) -> None:
-    """Back again, nothing runs."""
+    """After switching back, nothing runs."""
     project.edit("pkg/stage.py", 'backend: str = "flow"', 'backend: str = "sam-2"')
     ran, text, reasons = project.play()
     assert (ran, text) == (1, "ab##.") and reasons[0].startswith('parameter changed: backend "flow" -> "sam-2", flow.sign "~" -> (')
@@ -143,7 +143,7 @@ def test_another_backend_has_another_key_and_its_own_block(project: EditableProj
 
 @pytest.mark.parametrize("jobs", [0, 1])
 def test_a_stage_cannot_read_a_block_that_is_not_selected(jobs: int, tmp_path: Path) -> None:
-    """It is in no key, so that an output could not follow it."""
+    """The block is not in the key, so the output must not depend on it."""
     project = EditableProject.build(tmp_path, FILES | {"main.py": MAIN.replace("JOBS", str(jobs))})
     project.edit("pkg/stage.py", "+ params.end", "+ params.sam_2.sign")
     assert project.play()[1].startswith("params.sam_2.sign belongs to a backend that is not selected, and is not in the "
@@ -167,7 +167,7 @@ class Params:
 
 
 def test_an_unselected_block_is_not_in_the_parameters(tmp_path: Path) -> None:
-    """Neither in the tree that key and seed are taken of, nor in what the stage gets; a field that is no block stays."""
+    """The tree for key and seed, and the stage's Params, lack the block; a field that is not a block stays."""
     params = Params()
     tree = without_blocks(canonical(params), params, {"b", "n", "gone"})
     assert tree == {"of": "Params", "fields": {"backend": "a", "a": {"of": "Block", "fields": {"size": 1}}, "n": 3}}
@@ -179,8 +179,8 @@ def test_an_unselected_block_is_not_in_the_parameters(tmp_path: Path) -> None:
     assert hide_unselected(params, {"n"}) is params and isinstance(given.b, Unselected)
 
 
-def test_parameters_without_blocks_are_what_they_were() -> None:
-    """So are the seeds of every stage that has none."""
+def test_parameters_without_blocks_are_unchanged() -> None:
+    """Seeds of stages without blocks are unchanged as well."""
     params = Block()
     assert without_blocks(canonical(params), params, {"size"}) == canonical(params) and hide_unselected(params, {"size"}) is params
 
@@ -202,7 +202,7 @@ def run(x=3):
     ({"backend": "a"}, [["one"], 2, 4.0, []]), ({"backend": "b"}, [["one", "two"], 1, 3.5, ["b.bf16"]]),
     ({"backend": ("a", "b")}, [["one", "two"], 2, 4.0, ["b.bf16"]]), (None, [["one", "two"], 2, 4.0, ["b.bf16"]])])
 def test_declarations_of_the_selected_backends(select: dict[str, object] | None, found: list[Any], tmp_path: Path) -> None:
-    """An entry's own stand in place of the stage's; its libraries are added. Of several the largest counts."""
+    """Declarations of an entry replace those of the stage, libraries are added, and the largest of several counts."""
     (tmp_path / "stage.py").write_text(DECLARED)
     (tmp_path / "m.py").write_text("def f():\n    return 1\n")
     assert list(declarations(Modules(tmp_path), "stage", select).values()) == found
@@ -215,14 +215,14 @@ def test_declarations_of_the_selected_backends(select: dict[str, object] | None,
     ("BACKEND_MACHINE", "REFINE_MACHINE", "REFINE_MACHINE belongs to no registry"),
     ("THREADS = 2", "THREADS = True", "got THREADS = True")])
 def test_declarations_that_are_wrong_are_refused(old: str, new: str, message: str, tmp_path: Path) -> None:
-    """In a sentence that shows the form."""
+    """The error shows the expected form."""
     (tmp_path / "stage.py").write_text(DECLARED.replace(old, new))
     with pytest.raises(ValueError, match=message):
         declarations(Modules(tmp_path), "stage", {"backend": "b"})
 
 
 def test_registries_that_a_stage_imports_select_too(tmp_path: Path) -> None:
-    """Of two registries with the same entry, one selects it."""
+    """One of two registries with the same entry selects it."""
     (tmp_path / "stage.py").write_text("from m import BACKENDS\nREFINES = {'b': 'm:f', 'c-1': 'm:f'}\n"
                                        "def run(x=3):\n    return x\n")
     (tmp_path / "m.py").write_text("BACKENDS = {'a': 'm:f', 'b': 'm:f'}\ndef f():\n    return 1\n")
@@ -233,7 +233,7 @@ def test_registries_that_a_stage_imports_select_too(tmp_path: Path) -> None:
 
 
 def test_a_plural_in_ies_selects_too() -> None:
-    """`policy` selects from POLICIES: the code of the other entries is not in the fingerprint."""
+    """`policy` selects from POLICIES: the fingerprint omits the code of the other entries."""
     found = fingerprint(Modules(ROOT), "stages.extraction.narration_labelling:run", {"policy": "last"}).definitions
     names = {name.partition(":")[2] for name in found if name.startswith("afford.extraction.labels:")}
     assert "last" in names and not names & {"shortest", "all_narrations"}

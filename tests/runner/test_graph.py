@@ -1,4 +1,4 @@
-"""Building a graph: what is refused, and how it says so."""
+"""Graph building: valid composition, and errors for misuse."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def words(g: Graph, name: str = "words") -> tuple[Word, ...]:
 
 
 def test_a_handle_has_none_of_the_attributes_of_its_value() -> None:
-    """Reading a field of an output while the graph is built says what to do instead."""
+    """The error for reading a field of an output during graph building gives advice."""
     g = Graph()
     handle = g.leaf("word", Word("a", "x"))
     with pytest.raises(AttributeError, match=r"g\.pick\(handle, lambda v: v\.text\)"):
@@ -39,14 +39,14 @@ def test_a_handle_has_none_of_the_attributes_of_its_value() -> None:
     (lambda g: g.pick(g.leaf("w", Word("a", "x")), lambda v: v), "a function that reads one field"),
     (lambda g: g.add(pair.run, word=Graph().leaf("w", Word("a", "x"))), "belongs to another graph"),
 ])
-def test_what_does_not_fit_is_refused_when_the_graph_is_built(build: object, message: str) -> None:
-    """Every misuse has a message of its own."""
+def test_misuse_is_refused_when_the_graph_is_built(build: object, message: str) -> None:
+    """Every misuse has its own message."""
     with pytest.raises(GraphError, match=message):
         build(Graph())  # type: ignore[operator]
 
 
 def test_a_stage_is_added_twice_only_under_another_name() -> None:
-    """Names of stages are unique, `name=` makes them so."""
+    """Stage names are unique; `g.named` gives another name."""
     g = Graph()
     word = g.leaf("w", Word("a", "x"))
     g.add(pair.run, word=word)
@@ -69,7 +69,7 @@ def test_inputs_spread_over_different_lists_are_refused() -> None:
 
 
 def test_the_same_list_gives_the_same_axis() -> None:
-    """`each` twice on one list can be used together."""
+    """Two uses of `each` on one list can be combined."""
     g = Graph()
     source = words(g)
     g.add(shout.run, part=g.each(source), word=g.each(source), params=shout.Params())
@@ -85,7 +85,7 @@ def test_several_handles_make_one_tuple() -> None:
 
 
 def test_a_variant_shares_what_is_the_same_and_names_what_differs() -> None:
-    """Written again with other parameters: stages above the difference are the same nodes, those from it on bear the label."""
+    """Stages above the difference are shared nodes; those below it carry the label."""
     g, found = Graph(), {}
     word = g.each(words(g))
     for label, parts in (("two", 2), ("three", 3)):

@@ -1,4 +1,4 @@
-"""A run that has only so long: what is finished by then is told of, what is not is left whole for the next run."""
+"""Runs with a time limit: finished results are reported, unfinished ones are deferred to the next run."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def project(tmp_path: Path) -> Project:
 
 
 def table(quick: tuple[str, ...], slow: str = "", sleep_s: float = 0.0) -> Graph:
-    """Rows of a table that a report can do without: each word in capitals, the slow one after so long."""
+    """Graph of a report on optional rows: each word in capitals, the slow one after `slow_s` seconds."""
     g = Graph()
     words = [g.leaf(f"word{i}", Word(f"w{i}", text)) for i, text in enumerate(quick)]
     rows = [g.named(f"shout_{i}").add(shout.run, part=word, word=word, params=shout.Params()) for i, word in enumerate(words)]
@@ -37,8 +37,8 @@ def shown(project: Project, report: RunReport) -> str:
     return value.text
 
 
-def test_without_any_time_everything_is_left_but_what_tells_of_it(project: Project) -> None:
-    """An empty table, nothing failed; the next run makes what was left, and the same table as one that had the time."""
+def test_a_limit_of_zero_defers_all_rows(project: Project) -> None:
+    """The table is empty and nothing fails; the next run computes the rows and the same table as an unlimited run."""
     report = project.runner().run(table(("a", "b")), "table", limit_s=0.0)
     assert report.ok and report.deferred == {"shout_0": 1, "shout_1": 1} and report.ran == {"join": 1}
     assert shown(project, report) == ""
@@ -47,8 +47,8 @@ def test_without_any_time_everything_is_left_but_what_tells_of_it(project: Proje
     assert project.runner().run(table(("a", "b")), "table", limit_s=0.0).outputs == whole.outputs, "what is there is no work"
 
 
-def test_what_runs_when_the_time_is_over_is_stopped(project: Project) -> None:
-    """Finished rows are told of, the worker at the slow one is gone, and its key is free."""
+def test_a_running_task_is_stopped_at_the_limit(project: Project) -> None:
+    """Finished rows are in the table, the worker of the slow row is gone, and its key is free."""
     began = time.monotonic()
     report = project.runner(2).run(table(("a", "b"), "c", 60.0), "table", limit_s=3.0)
     assert time.monotonic() - began < 30
@@ -57,8 +57,8 @@ def test_what_runs_when_the_time_is_over_is_stopped(project: Project) -> None:
         wait_until(lambda path=path: Lease(path).held)
 
 
-def test_a_list_is_whole_or_left(project: Project) -> None:
-    """What goes through a plain collect is not made of half of its elements, also where the list itself is late."""
+def test_a_list_is_complete_or_deferred(project: Project) -> None:
+    """A plain collect is not built from some of its elements, also if the list itself is deferred."""
     g = Graph()
     word = g.each(g.leaf("words", (Word("w0", "ab"), Word("w1", "cd"))))
     part = g.each(g.add(split.run, word=word, params=split.Params()))
@@ -69,7 +69,7 @@ def test_a_list_is_whole_or_left(project: Project) -> None:
 
 
 def test_a_partial_collect_takes_what_is_there(project: Project) -> None:
-    """Of an axis, in order."""
+    """Available elements of an axis, in order."""
     def made(texts: str) -> Graph:
         g = Graph()
         word = g.each(g.leaf("words", tuple(Word(text, text) for text in texts)))
@@ -82,21 +82,21 @@ def test_a_partial_collect_takes_what_is_there(project: Project) -> None:
     assert report.deferred == {"shout": 1} and shown(project, report) == "A! C!"
 
 
-def test_of_what_fails_the_rest_is_told(project: Project) -> None:
-    """`finished` leaves failures out, and is blocked when nothing else is there."""
+def test_finished_omits_failures(project: Project) -> None:
+    """`finished` omits failed elements, and is blocked when there are no others."""
     report = project.runner().run(table(("a", "bad")), "table")
     assert report.failed == {"shout_1": 1} and shown(project, report) == "A!"
     assert project.runner().run(table(("bad", "bug")), "table").blocked == {"join": 1}
 
 
-def test_what_has_nothing_to_leave_takes_no_limit(project: Project) -> None:
-    """A data set is made whole or not at all."""
+def test_a_target_without_optional_parts_takes_no_limit(project: Project) -> None:
+    """A data set has no optional parts."""
     with pytest.raises(NothingOptionalError, match="all has no optional parts"):
         project.run("ab", limit_s=1.0)
 
 
-def test_what_is_needed_is_made_however_late_it_is(project: Project) -> None:
-    """A row that is itself asked for."""
+def test_a_required_task_runs_after_the_limit(project: Project) -> None:
+    """A row that is itself a target."""
     g = Graph()
     word = g.leaf("word", Word("w", "x"))
     loud = g.add(shout.run, part=word, word=word, params=shout.Params())
@@ -106,8 +106,8 @@ def test_what_is_needed_is_made_however_late_it_is(project: Project) -> None:
     assert report.ran == {"shout": 1, "join": 1} and report.deferred == {"other": 1}
 
 
-def test_of_equally_deep_tasks_the_first_goes_first(project: Project) -> None:
-    """So that of many rows the first ones are finished when time is over; a shard still goes to its end before another begins."""
+def test_equally_deep_tasks_run_in_order(project: Project) -> None:
+    """The first rows are finished at the limit; a shard still reaches the end before another begins."""
     project.runner().run(table(("a", "b", "c")), "table")
     lines = [line.split()[1] for line in project.log.read_text().split("\n") if line.startswith("shout")]
     assert lines == ["w0", "w1", "w2"]
@@ -117,8 +117,8 @@ def test_of_equally_deep_tasks_the_first_goes_first(project: Project) -> None:
     assert order == ["split", "shout", "pair", "shout"]
 
 
-def test_what_a_collect_before_the_last_waits_for_goes_first(project: Project) -> None:
-    """It is less deep than what stands beside it, but who uses the list cannot begin, and would be alone in the end."""
+def test_tasks_behind_an_intermediate_collect_go_first(project: Project) -> None:
+    """They are less deep than others, but the users of the list cannot begin without them."""
     g = Graph()
     quick, word = g.leaf("quick", Word("q", "x")), g.leaf("word", Word("w", "y"))
     deep = g.named("deep").add(shout.run, part=g.named("first").add(shout.run, part=quick, word=quick, params=shout.Params()),

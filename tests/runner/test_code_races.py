@@ -1,4 +1,4 @@
-"""Code that changes between its reading and its running: an output never lies under the key of other code."""
+"""Code that changes between its reading and its run: no output is stored under the key of other code."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def project(tmp_path: Path) -> Project:
 
 
 def test_an_edit_between_plan_and_run_is_no_poison(project: Project) -> None:
-    """A runner that lives on reads the code again; after the undo the first code's output is made, not taken from the second's."""
+    """A long-lived runner reads the code again. After an undo the first code runs, and the second's output is not used."""
     runner = project.runner(1)
     runner.plan(graph("ab"), "all")
     project.edit("toy/helper.py", '"!"', '"?"')
@@ -34,7 +34,7 @@ def test_an_edit_between_plan_and_run_is_no_poison(project: Project) -> None:
 
 
 def test_an_edit_of_the_same_size_with_its_time_kept_runs_again(project: Project, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Neither our record of the file nor Python's compiled code is taken for current."""
+    """Neither the runner's stamp nor Python's compiled code is accepted as current."""
     monkeypatch.delenv("PYTHONDONTWRITEBYTECODE", raising=False)  # workers keep compiled code
     path = project.root / "toy" / "helper.py"
     first = project.run("ab", jobs=1)
@@ -51,7 +51,7 @@ def test_an_edit_of_the_same_size_with_its_time_kept_runs_again(project: Project
 
 
 def test_code_edited_after_this_process_imported_it_is_refused_in_this_process(tmp_path: Path) -> None:
-    """With no worker processes, what runs is what was imported: an output of it would lie under the key of the new code."""
+    """Without worker processes the imported code runs, whose output must not have the key of the new code."""
     (tmp_path / "late").mkdir()
     (tmp_path / "late" / "one.py").write_text("from late.values import Word\nMARK = 1\ndef run(word: Word) -> Word:\n"
                                               "    return Word(word.name, word.text + str(MARK))\n")
@@ -75,7 +75,7 @@ print(report.ok, report.failures[0].message if report.failures else "")
 
 
 def test_an_edit_of_the_codec_runs_everything_again(project: Project) -> None:
-    """How a value is written decides bytes."""
+    """The codec determines bytes."""
     project.run("ab", jobs=1)
     project.edit("toy/values.py", "json.dumps([value.name, value.text])", "json.dumps([value.name, value.text], indent=1)")
     plans = project.runner().plan(graph("ab"), "all")
@@ -84,7 +84,7 @@ def test_an_edit_of_the_codec_runs_everything_again(project: Project) -> None:
 
 
 def test_codec_and_preparation_are_in_the_keys_of_what_they_touch() -> None:
-    """Every stage depends on how workers are prepared; only one that has frames depends on how videos are written."""
+    """Every stage depends on the worker preparation; only stages with frames depend on the video codec."""
     from stages.extraction import affordance_intersect, frame_decode
     from stages.synthetic import object_plan
 

@@ -1,4 +1,4 @@
-"""What must survive: kills at any moment, two runs at once, damaged and missing files."""
+"""Kills at any moment, concurrent runs, and damaged or missing files."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def blobs(project: Project) -> list[Path]:
 
 
 def flip(path: Path) -> None:
-    """One bit, with the modification time kept."""
+    """Flip one bit, and keep the modification time."""
     before = path.stat()
     path.chmod(0o644)
     data = bytearray(path.read_bytes())
@@ -53,7 +53,7 @@ def flip(path: Path) -> None:
 
 @pytest.mark.slow
 def test_kills_at_random_moments_lose_nothing_finished(project: Project) -> None:
-    """kill -9 of the scheduler, 20 times, somewhere: what was finished is never done again, and the end is right."""
+    """kill -9 of the scheduler at 20 random moments: finished tasks never run again, and the outputs are right."""
     chance = random.Random(7)
     for i in range(20):
         run = start(project, 0.02, (*WORDS, f"x{i}"))
@@ -72,7 +72,7 @@ def test_kills_at_random_moments_lose_nothing_finished(project: Project) -> None
 
 
 def alive(project: Project) -> bool:
-    """Whether some process still owns a key of the store."""
+    """Return True when a process still owns a key of the store."""
     for path in (project.store / "leases").glob("*.lock"):
         if path.name not in ("store.lock", "index.lock"):
             lease = Lease(path)
@@ -83,7 +83,7 @@ def alive(project: Project) -> bool:
 
 
 def test_workers_end_with_their_scheduler(project: Project) -> None:
-    """kill -9 of the scheduler alone leaves no process that works on."""
+    """kill -9 of the scheduler alone leaves no working process."""
     run = start(project, 30.0)
     wait_until(lambda: project.log.exists() and "shout" in project.log.read_text())
     run.kill()
@@ -92,7 +92,7 @@ def test_workers_end_with_their_scheduler(project: Project) -> None:
 
 
 def test_an_interrupted_run_ends_cleanly(project: Project) -> None:
-    """Ctrl-C: workers are gone, no lease is held, and what was finished stays."""
+    """Ctrl-C: no worker and no lease remain, and finished results stay."""
     run = start(project, 30.0)
     wait_until(lambda: project.log.exists() and "shout" in project.log.read_text())
     os.kill(run.pid, signal.SIGINT)
@@ -102,7 +102,7 @@ def test_an_interrupted_run_ends_cleanly(project: Project) -> None:
 
 
 def test_sigterm_ends_a_run_as_an_interrupt_does(project: Project) -> None:
-    """Workers are gone, no lease is held, caches are written, what was finished stays; the status tells the signal."""
+    """No worker and no lease remain, caches are written, finished results stay; the status is that of the signal."""
     run = start(project, 30.0)
     wait_until(lambda: project.log.exists() and "shout" in project.log.read_text())
     run.terminate()
@@ -111,8 +111,8 @@ def test_sigterm_ends_a_run_as_an_interrupt_does(project: Project) -> None:
     assert len(finished(project)) >= 1 and (project.store / ".cache" / "index.json").exists()
 
 
-def test_what_a_killed_run_left_goes_with_the_next_run(project: Project) -> None:
-    """Folders that values were saved in, and lock files; those of a process that lives stay."""
+def test_leftovers_of_a_killed_run_go_with_the_next_run(project: Project) -> None:
+    """Save folders and lock files are removed, except those of a living process."""
     run = start(project, 30.0)
     wait_until(lambda: project.log.exists() and "shout" in project.log.read_text())
     os.killpg(run.pid, signal.SIGKILL)
@@ -136,7 +136,7 @@ def test_two_runs_at_once_do_every_task_once(project: Project) -> None:
 
 
 def test_a_worker_that_is_killed_fails_its_shard_alone(project: Project) -> None:
-    """One clear sentence; the pool goes on."""
+    """One clear sentence; the pool continues."""
     report = project.run("ab", "kill", jobs=2)
     assert {failure.shard for failure in report.failures} == {"w1/w1.0", "w1/w1.1"}
     assert "ended with signal SIGKILL" in report.failures[0].message and "memory" in report.failures[0].message
@@ -145,7 +145,7 @@ def test_a_worker_that_is_killed_fails_its_shard_alone(project: Project) -> None
 
 @pytest.mark.parametrize("damage", ["flip", "cut", "remove"])
 def test_a_damaged_blob_is_found_and_made_again(damage: str, project: Project) -> None:
-    """Any blob, flipped with its time kept, cut short or deleted: it is there again after the next run, which ends right."""
+    """A blob that was flipped, cut or deleted exists again after the next run, whose outputs are right."""
     report = project.run("ab")
     for path in blobs(project):
         before = path.read_bytes()
@@ -166,7 +166,7 @@ def test_a_damaged_blob_is_found_and_made_again(damage: str, project: Project) -
 
 
 def test_a_blob_damaged_behind_the_back_of_a_run_is_healed_when_it_is_read(project: Project) -> None:
-    """The plan is deceived; the worker that reads finds out, what made it runs again, and the reader gets good bytes."""
+    """The planner misses the damage. The reading worker finds it, the producer runs again, and the reader gets valid bytes."""
     first = project.run("ab", jobs=1)
     project.executed()
     runner = project.runner(1)
@@ -181,7 +181,7 @@ def test_a_blob_damaged_behind_the_back_of_a_run_is_healed_when_it_is_read(proje
 
 
 def test_verify_sets_damage_aside_and_the_next_run_heals(project: Project) -> None:
-    """verify names the blob, moves it to damaged/, and the reason of the next run is 'output damaged'."""
+    """verify names the blob and moves it to damaged/; the reason of the next run is 'output damaged'."""
     report = project.run("ab", jobs=1)
     joined = project.runner().store.manifest(report.outputs["join"][0][1]).files[0].blob
     flip(project.runner().store.path("blobs", joined))
@@ -194,7 +194,7 @@ def test_verify_sets_damage_aside_and_the_next_run_heals(project: Project) -> No
 
 
 def test_a_lost_index_is_made_again(project: Project) -> None:
-    """Everything under .cache may go, or be torn: nothing runs again."""
+    """After losing or damaging files in .cache nothing runs again."""
     project.run("ab")
     project.executed()
     for path in (project.store / ".cache").iterdir():
@@ -204,7 +204,7 @@ def test_a_lost_index_is_made_again(project: Project) -> None:
 
 
 def test_a_torn_manifest_counts_as_lost(project: Project) -> None:
-    """It is made again."""
+    """The task runs again."""
     project.run("ab")
     for path in (project.store / "manifests").glob("??/*.json"):
         path.write_text("{")
@@ -213,7 +213,7 @@ def test_a_torn_manifest_counts_as_lost(project: Project) -> None:
 
 
 def test_a_lease_is_exclusive_and_ends_with_its_owner(tmp_path: Path) -> None:
-    """No second owner; kill -9 frees it; removing the file while waiting makes no two owners."""
+    """There is no second owner, kill -9 frees the lease, and removing the file while waiting gives no two owners."""
     path = tmp_path / "key.lock"
     code = f"import sys, time; sys.path.insert(0, {str(HERE.parents[1])!r}); from pathlib import Path\n"
     code += "from runner.lease import Lease\n"
@@ -230,7 +230,7 @@ def test_a_lease_is_exclusive_and_ends_with_its_owner(tmp_path: Path) -> None:
 
 
 def test_a_file_is_replaced_whole(tmp_path: Path) -> None:
-    """Parents are made, and no temporary file is left."""
+    """Parent folders are created, and no temporary file remains."""
     write_atomic(tmp_path / "a" / "b", b"1")
     write_atomic(tmp_path / "a" / "b", b"2")
     assert [path.name for path in (tmp_path / "a").iterdir()] == ["b"] and (tmp_path / "a" / "b").read_bytes() == b"2"
