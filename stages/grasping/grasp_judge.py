@@ -24,7 +24,7 @@ THREADS = 1
 MEMORY_GIB = 1.5
 BACKEND_MEMORY_GIB = {"vlm": 8.0}
 
-BACKENDS = {"vlm": "afford.grasping.judge.vlm:judge", "endpoint": "afford.grasping.judge.endpoint:judge"}
+BACKENDS = {"vlm": "afford.grasping.judge:judge_by_model", "endpoint": "afford.grasping.judge:judge_by_server"}
 
 
 @dataclass(frozen=True)

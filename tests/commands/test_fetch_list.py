@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from afford.extraction.sources.discover import discover
-from afford.extraction.sources.downloads import SPLITS, files
+from afford.extraction.sources.downloads import SPLITS, published_files
 from runner.canonical import path_digest
 from tests.helpers.command import call
 from tests.helpers.made_epic import write_folder, write_tables, write_tar
@@ -41,7 +41,7 @@ def listed(root: Path, *words: str) -> dict[str, str]:
 ])
 def test_published_names_and_addresses(video: str, kind: str, name: str, url: str) -> None:
     """As data.bris has them; VISOR annotates 115 and 43 videos."""
-    assert [(file.name, file.url) for file in files([video], [kind])] == [(name, url)]
+    assert [(file.name, file.url) for file in published_files([video], [kind])] == [(name, url)]
     assert [len(SPLITS[split]) for split in ("train", "val")] == [115, 43] and not set(SPLITS["train"]) & set(SPLITS["val"])
 
 

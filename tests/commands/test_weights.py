@@ -114,7 +114,7 @@ def test_a_backend_that_reads_weights_is_refused_without_any(model: Path) -> Non
 
 def test_a_hub_id_without_a_network_is_one_sentence(tmp_path: Path) -> None:
     """What was downloaded before is found; what was not says how to get it."""
-    code = ("from afford.models.weights import find\ntry:\n    find('some-owner/some-model')\n"
+    code = ("from afford.models.weights import find_model\ntry:\n    find_model('some-owner/some-model')\n"
             "except ValueError as error:\n    print(error)")  # fmt: skip
     environment = {**os.environ, "HF_HUB_OFFLINE": "1", "HF_HOME": str(tmp_path)}
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, env=environment, capture_output=True, text=True)
