@@ -1,4 +1,4 @@
-"""Exports: each format restores the masks exactly, as far as it can represent them."""
+"""Exports: every format gives the masks back to the bit, where it can."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def samples(split: str):
 
 
 def test_2hands_files_are_named_by_their_range(root, tmp_path):
-    """start-end is the inclusive running index over the sorted files of a split."""
+    """start-end is the running index over the sorted files of a split, inclusive."""
     written = export_2hands.export(root, tmp_path)
     assert sorted(path.relative_to(tmp_path).as_posix() for path in written if path.suffix == ".h5") == [
         "train/h5/0-5_P01_01.h5", "train/h5/6-10_P01_02.h5", "val/h5/0-3_P02_01.h5"]
@@ -45,7 +45,7 @@ def test_2hands_files_are_named_by_their_range(root, tmp_path):
 
 
 def test_2hands_gives_masks_without_holes_back(root, tmp_path):
-    """Masks are exact except for holes, which outer contours cannot represent; words, taxonomy and image are kept."""
+    """Exact but for holes, which outer contours cannot say; words, taxonomy and picture are kept."""
     export_2hands.export(root, tmp_path)
     items = list(load.Dataset(root, "train"))
     for got, sample, item in zip(export_2hands.read(tmp_path / "train"), samples("train"), items, strict=True):
@@ -57,7 +57,7 @@ def test_2hands_gives_masks_without_holes_back(root, tmp_path):
 
 
 def test_2hands_layout(root, tmp_path):
-    """Names, types and order are those of the released files: BGR images, byte strings, contours with their size."""
+    """Names, types and order of the released files: BGR pictures, byte strings, contours with their size."""
     import h5py
 
     export_2hands.export(root, tmp_path)
@@ -74,14 +74,14 @@ def test_2hands_layout(root, tmp_path):
 
 @given(arrays(bool, st.tuples(st.integers(1, 16), st.integers(1, 16))))
 def test_contours_are_exact_but_for_holes(mask):
-    """Fill(contours(mask)) is the mask with its holes filled, also for slivers and single pixels."""
+    """Fill(contours(mask)) is the mask with its holes filled, slivers and single pixels included."""
     filled = binary_fill_holes(mask)
     assert np.array_equal(export_2hands.fill(export_2hands.contours(mask), *mask.shape), filled)
     assert np.array_equal(export_2hands.fill(export_2hands.contours(filled), *mask.shape), filled)
 
 
 def test_coco_gives_every_mask_back(root, tmp_path):
-    """pycocotools reads each non-empty mask exactly, with its area."""
+    """Read by pycocotools: each mask that is not empty, to the bit, with its area."""
     exports.export_coco(root, tmp_path)
     for split in ("train", "val"):
         read = COCO(str(tmp_path / "annotations" / f"{split}.json"))
@@ -96,7 +96,7 @@ def test_coco_gives_every_mask_back(root, tmp_path):
 
 
 def test_webdataset_gives_every_mask_back(root, tmp_path):
-    """Files of one sample share one key; masks and JPEG bytes are exact."""
+    """Files of one sample lie side by side under one key; masks to the bit, JPEG bytes as they were."""
     exports.export_webdataset(root, tmp_path)
     with tarfile.open(tmp_path / "train-000000.tar") as tar:
         files = {member.name: tar.extractfile(member).read() for member in tar}
@@ -112,7 +112,7 @@ def test_webdataset_gives_every_mask_back(root, tmp_path):
 
 @pytest.mark.parametrize("export", EXPORTS)
 def test_an_export_is_the_same_twice(export, root, tmp_path):
-    """The same data set gives the same bytes."""
+    """Same data set, same bytes."""
     first, second = export(root, tmp_path / "a"), export(root, tmp_path / "b")
     assert [path.read_bytes() for path in first] == [path.read_bytes() for path in second]
     assert len(first) == len(set(first)) > 0
@@ -120,6 +120,6 @@ def test_an_export_is_the_same_twice(export, root, tmp_path):
 
 @pytest.mark.parametrize("export", EXPORTS)
 def test_a_folder_without_a_data_set_is_refused(export, tmp_path):
-    """No file is written, and the message states the expected files."""
+    """The error states the expected files, and no file is written."""
     with pytest.raises(ValueError, match=r"expected .*\.parquet"):
         export(tmp_path, tmp_path / "out")

@@ -1,4 +1,4 @@
-"""Stage sample_assemble: selection of frames, and the contents of a sample."""
+"""sample_assemble: which frames become samples, and what they carry."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ MUG = Entity("mug#1", "mug", 13, "object", "")
 
 
 def boxes(x0: int) -> np.ndarray:
-    """Build a 10 x 10 box that moves right by 2 px per frame, (t, h, w)."""
+    """A 10 x 10 box that moves right by 2 px a frame, (t, h, w)."""
     out = np.zeros((T, H, W), bool)
     for t in range(T):
         out[t, 10:20, x0 + 2 * t:x0 + 10 + 2 * t] = True
@@ -30,7 +30,7 @@ def boxes(x0: int) -> np.ndarray:
 
 
 def extraction() -> dict:
-    """Build an extraction in which a left hand carries a mug, accepted and narrated in every frame."""
+    """A left hand that carries a mug, on every frame accepted and narrated."""
     rng = np.random.default_rng(0)
     rgb = rng.integers(0, 255, (T, H, W, 3)).astype(np.uint8)
     hand, mug = boxes(5), boxes(10)
@@ -59,7 +59,7 @@ def run(x: dict, **params):
 
 
 def test_accepted_and_narrated_frames_give_samples():
-    """No accepted frame is dropped by default, and a sample has the masks of its own frame."""
+    """Default parameters drop no accepted frame; a sample has the masks of its frame."""
     x = extraction()
     made = run(x)
     assert [sample.frame for sample in made.samples] == FRAME.tolist()
@@ -71,7 +71,7 @@ def test_accepted_and_narrated_frames_give_samples():
 
 
 def test_image_is_the_inpainted_frame_as_jpeg():
-    """The image of a sample is the inpainted frame; its confidence is the mean over the replaced pixels."""
+    """The picture of a sample is the frame without hands; its confidence is the mean over the replaced pixels."""
     x = extraction()
     flat = replace(x["inpainted"], rgb=np.broadcast_to(np.uint8([200, 100, 30]), (T, H, W, 3)).copy())
     sample = run(x | {"inpainted": flat}).samples[0]
@@ -80,8 +80,8 @@ def test_image_is_the_inpainted_frame_as_jpeg():
     assert sample.inpaint_confidence == pytest.approx(0.2)
 
 
-def test_dropped_frames_are_counted_once_under_their_first_reason():
-    """Samples and rejection reasons together account for every frame."""
+def test_dropped_frames_are_counted_under_their_first_reason():
+    """Samples and reasons together account for all frames."""
     x = extraction()
     rejection = np.zeros(T, np.uint8)
     rejection[[0, 1]] = Rejection.TOO_SMALL
@@ -105,7 +105,7 @@ def test_policy_all_gives_one_sample_per_narration():
 
 
 def test_motion_follows_the_centroids():
-    """Each point is the centroid at its step; a point out of sight or beyond the clip is NaN."""
+    """Each point is the centroid at its step; what is out of sight or beyond the clip is NaN."""
     made = run(extraction(), motion_s=0.8, motion_steps=5)
     motion = made.samples[0].motion
     assert made.samples[0].motion_time_ns.tolist() == [0, 200_000_000, 400_000_000, 600_000_000, 800_000_000]
@@ -118,34 +118,34 @@ def test_motion_follows_the_centroids():
 
 
 def test_sparse_frames_have_no_motion_but_the_start():
-    """No point is interpolated between frames that are seconds apart."""
+    """Motion is not interpolated between frames that are seconds apart."""
     x = extraction()
     frames = replace(x["frames"], time_ns=x["frames"].time_ns * 100)
     motion = run(x | {"frames": frames}).samples[0].motion
     assert np.isfinite(motion[0, 0]).all() and np.isnan(motion[0, 1:]).all()
 
 
-def test_centroid_of_an_empty_mask_is_nan():
+def test_centroid_of_nothing_is_nan():
     """An empty mask has no centroid."""
     assert np.isnan(mask_centroid(np.zeros((4, 5), bool))).all()
 
 
 def test_one_step_is_refused():
-    """A path needs at least two points."""
+    """A path of one point is no path."""
     x = extraction()
     with pytest.raises(ValueError, match="at least 2 steps"):
         MotionPaths(x["tracks"], x["complete"], x["frames"].time_ns, 1.0, 1)
 
 
 def test_inputs_on_other_frames_are_refused():
-    """The error names the output with other frames."""
+    """A part that speaks of other frames is named."""
     x = extraction()
     with pytest.raises(ValueError, match=r"Inpainted\.frame differs"):
         run(x | {"inpainted": replace(x["inpainted"], frame=FRAME + 1)})
 
 
 def test_an_object_without_complete_mask_is_refused():
-    """A held object must have a complete mask."""
+    """The object that a hand holds must have been completed."""
     x = extraction()
     bare = replace(x["complete"], entities=(), masks=np.zeros((0, T, H, W), bool), confidence=np.zeros((0, T), np.float32))
     with pytest.raises(ValueError, match=r"CompleteObjects\.entities: .*mug#1 missing"):
