@@ -44,7 +44,7 @@ def measured(**given: Any) -> Measures:
 
 
 def reference(hand: HandModel, frames: int = 90, seed: int = 0) -> HandReference:
-    """A gentle motion of the hand itself, above the table, as if somebody had been retargeted."""
+    """Slow motion of the hand itself above the table, in the form of a retargeted clip."""
     q = trajectory(hand, frames, seed, share=0.3)
     q[:, 2] += 0.6
     T, zero = forward_kinematics(hand.joints, q), np.zeros((len(hand.fingers.name), 3))
