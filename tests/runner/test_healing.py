@@ -74,7 +74,7 @@ def test_a_list_whose_manifest_is_gone_is_listed_again(project: Project) -> None
 
 
 def test_an_outcome_that_is_withdrawn_is_not_propagated(project: Project) -> None:
-    """As when a reader finds an output damaged before the walk has propagated it."""
+    """A reader finds an output damaged before the walk has propagated it."""
     graph, runner = forms(), project.runner()
     assert runner.run(graph, "each").ok
     listener = PlanListener(runner._task_planner(()))
