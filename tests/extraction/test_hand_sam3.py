@@ -67,16 +67,16 @@ def test_the_detector_of_the_video_model_is_taken(model: Path, tmp_path: Path) -
     assert np.array_equal(find(pictures(1), params(found)), find(pictures(1), params(model)))
 
 
-def test_a_clip_goes_through_the_stage(model: Path) -> None:
-    """With the model among its inputs, wherever it lies."""
+def test_stage_with_sam3(model: Path) -> None:
+    """The model is an input of the stage, independent of its path."""
     frames = toy(7).frames
     chosen = Params(backend="sam3", batch=3, sam3=params(Path("elsewhere")))
     found = hand_detect.run(clip_of(frames), frames, chosen, weight_files(str(model), digest))
     assert len(found.key_frames) >= 2
 
 
-def test_what_is_no_sam3_is_refused_in_a_sentence(model: Path, tmp_path: Path) -> None:
-    """No name, another model, a file cut short, a tensor that is missing."""
+def test_invalid_weights_are_refused(model: Path, tmp_path: Path) -> None:
+    """A missing name, another model, a truncated file and a missing tensor are refused in one sentence."""
     cut, less = (Path(shutil.copytree(model, tmp_path / name)) for name in ("cut", "less"))
     (cut / "model.safetensors").write_bytes((cut / "model.safetensors").read_bytes()[:5000])
     tensors = load_file(less / "model.safetensors")

@@ -1,4 +1,4 @@
-"""Question: which parts of this thing must a hand not touch for this task, and where does it belong?"""
+"""Interface of part description: parts that a hand must not touch for a task, and parts where it belongs."""
 
 from __future__ import annotations
 
@@ -43,13 +43,13 @@ def _shown(views: int) -> None:
 
 
 class Describer(Protocol[Own]):
-    """What every backend of this folder looks like."""
+    """Backend of part_describe."""
 
     def __call__(self, mesh: ObjectMesh, views: ObjectViews, task: str, params: Own) -> PartDescription:
-        """Describe the parts of an object of `mesh.category` ('' where it is not known), rendered in `views`, for `task` in words
-        ('' for any use). `params` are those of this backend.
+        """Describe the parts of an object for a task.
 
-        The result has category 'unknown' and no notes for an object that the backend does not know. ValueError, one sentence,
-        when there is no model or no server, or when its output does not fit the form.
+        `mesh.category` is '' for an unknown category, `views` are its images, `task` is in words ('' for any use), and `params` are
+        those of this backend. The result has category 'unknown' and no notes for an object that the backend does not know. Raises
+        ValueError, one sentence, without a model or server, and for an output that violates the form.
         """
         ...

@@ -17,7 +17,7 @@ from afford.common.errors import SourceError
 from afford.extraction.sources.key_frames import read_keys
 from afford.extraction.sources.outlines import boxed_mask, run_lengths
 from schemas.files import FileRef, FileTree
-from tests.extraction.test_readers_own import coco, compressed
+from tests.extraction.test_own_video import coco, compressed
 from tests.helpers.tiny_root import OTHER, image, mask
 
 GLOVED = image("v", 16, [mask("glove", "g", on_which_hand=["left hand"], in_contact_object="m"), mask("mug", "m", (OTHER,))])
@@ -46,8 +46,8 @@ def spoilt(rng: random.Random) -> Any:
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
-def test_no_single_value_can_crash_the_reader(tmp_path: Path) -> None:
-    """600 spoilt documents, VISOR and COCO."""
+def test_a_wrong_value_never_crashes_the_reader(tmp_path: Path) -> None:
+    """The reader gets 600 corrupted documents, VISOR and COCO."""
     rng, path = random.Random(7), tmp_path / "masks.json"
     refused = 0
     for _ in range(600):
@@ -72,6 +72,6 @@ def test_compressed_run_lengths_are_read_as_written(seed: int) -> None:
 
 @pytest.mark.parametrize("counts", ["x", "\u0000", "", None, [5, -5, 100], [1.5], [99]])
 def test_malformed_run_lengths_are_refused(counts: Any) -> None:
-    """They never reach a decoder that would read past the end."""
+    """Malformed counts never reach a decoder that would read out of bounds."""
     with pytest.raises(ValueError, match="counts"):
         run_lengths(counts, 10, 10)

@@ -1,4 +1,4 @@
-"""Laws of polygons, words and files of synthetic clips."""
+"""EPIC/VISOR files of rendered clips: polygons, classes, narrations and joined roots."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ from schemas.video import HAND_CLASS, SIDES
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_polygons_give_the_mask_back_exactly(seed):
+def test_polygons_reproduce_the_mask_exactly(seed):
     """Tracing a mask and drawing it by VISOR's rule gives the same mask, holes, islands and borders included."""
     noise = np.random.default_rng(seed).standard_normal((256, 456))
     mask = cv2.GaussianBlur(noise, (0, 0), 1.0 + 2 * seed) > 0.01
     np.testing.assert_array_equal(epic_files.polygons_to_mask(epic_files.mask_to_polygons(mask), 456, 256), mask)
 
 
-def test_an_empty_mask_has_no_polygon():
-    """Nothing to draw gives no outline, and no outline draws nothing."""
+def test_empty_mask_has_no_polygon():
+    """An empty mask gives no outline, and no outline gives an empty mask."""
     assert epic_files.mask_to_polygons(np.zeros((256, 456), bool)) == []
     assert not epic_files.polygons_to_mask([], 456, 256).any()
 
 
-def test_every_class_is_unique_and_hands_are_epics():
-    """No id or word means two classes; the hands have the ids that EPIC's v2 file gives them."""
+def test_class_ids_and_words_are_unique_and_hands_have_epic_ids():
+    """Each id and word belongs to one class; the hands have the ids of EPIC's v2 file."""
     for table in (vocabulary.VERBS, vocabulary.NOUNS):
         assert len({entry.id for entry in table}) == len(table)
         words = [word for entry in table for word in entry.instances]
@@ -41,7 +41,7 @@ def test_every_class_is_unique_and_hands_are_epics():
 
 
 def test_nouns_outside_epic_get_new_classes():
-    """A workshop word has a class of its own above EPIC's last id; an unknown word is an error that names it."""
+    """A workshop noun has a class above EPIC's last id; an unknown noun is an error that contains it."""
     assert vocabulary.noun_class("hammer").id > 305
     assert vocabulary.noun_class("mug").key == "cup"
     with pytest.raises(KeyError, match="sextant"):
@@ -50,8 +50,8 @@ def test_nouns_outside_epic_get_new_classes():
 
 def test_action_rows_have_epics_columns(tmp_path):
     """The narration file has the 15 columns in EPIC's order, and its times agree with its frames."""
-    said = epic_files.narration("P91_01", 0, (30, 75), "pour water into mug", "pour", ("bottle", "mug"))
-    epic_files.write_actions(tmp_path, "P91_01", "train", [said])
+    action = epic_files.narration("P91_01", 0, (30, 75), "pour water into mug", "pour", ("bottle", "mug"))
+    epic_files.write_actions(tmp_path, "P91_01", "train", [action])
     with (tmp_path / "EPIC_100_train.csv").open(newline="") as file:
         rows = list(csv.reader(file))
     assert len(rows[0]) == 15
@@ -60,8 +60,8 @@ def test_action_rows_have_epics_columns(tmp_path):
     assert rows[1][-2:] == ["['bottle', 'mug']", "[15, 13]"]
 
 
-def test_a_video_is_written_the_same_every_time(tmp_path):
-    """The same moving images give the same bytes, whatever lay in memory before."""
+def test_video_encoding_is_deterministic(tmp_path):
+    """The same frames give the same bytes, whatever memory contained before."""
     rng = np.random.default_rng(0)
     picture = cv2.GaussianBlur(rng.uniform(0, 255, (256, 456, 3)), (0, 0), 4)
     images = np.stack([np.roll(picture, 3 * k, axis=1) + rng.normal(0, 3, picture.shape) for k in range(12)]).clip(0, 255)
@@ -74,7 +74,7 @@ def test_a_video_is_written_the_same_every_time(tmp_path):
 
 
 def tree(folder, name, files):
-    """A FileTree of small text files."""
+    """Build a FileTree of small text files."""
     refs = []
     for file, text in files.items():
         path = folder / name / file
@@ -84,8 +84,8 @@ def tree(folder, name, files):
     return FileTree(name, tuple(refs))
 
 
-def test_roots_are_joined(tmp_path):
-    """Tables are joined row by row, class files stay sorted by id without doubles, other files are copied."""
+def test_join_of_two_roots(tmp_path):
+    """Tables are joined row by row, class files are sorted by id without duplicates, other files are copied."""
     classes = "EPIC_100_noun_classes_v2.csv"
     info = "EPIC_100_video_info.csv"
     a = tree(tmp_path, "a", {info: "video_id,fps\nP91_01,30\n", classes: "id,key\n2,plate\n5,pan\n", "videos/a": "x"})
@@ -97,13 +97,13 @@ def test_roots_are_joined(tmp_path):
 
 
 def test_clashing_roots_are_refused(tmp_path):
-    """Two clips that bring different files of one name cannot be one root."""
+    """Two clips with different files of one name cannot form one root."""
     with pytest.raises(ValueError, match="different video ids"):
         write_root((tree(tmp_path, "a", {"videos/a": "x"}), tree(tmp_path, "b", {"videos/a": "y"})), tmp_path / "root")
 
 
-def test_sets_of_clips_hold_what_they_promise():
-    """At least 8 standard and 6 hard clips with the acts the report needs; both splits and all settings in the data set."""
+def test_clip_sets_contain_the_required_scripts_settings_and_splits():
+    """The sets contain 8 standard and 6 hard clips with the required scripts; the data set has both splits and all settings."""
     standard, hard, data = splits.standard_specs(0), splits.hard_specs(0), splits.dataset_specs(0)
     assert len(standard) == 8
     assert len(hard) == 6

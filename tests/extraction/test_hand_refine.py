@@ -33,8 +33,8 @@ def test_a_part_of_a_thing_becomes_all_of_it() -> None:
     assert iou(found, disc) > 0.9
 
 
-def test_what_is_too_much_shrinks_to_the_thing() -> None:
-    """Cloth that may be the thing, as where flow reaches beyond an outline, is given back."""
+def test_grabcut_removes_the_halo() -> None:
+    """Probable pixels around the object, where flow extends beyond its outline, are removed."""
     rgb, disc = scene()
     y, x = np.mgrid[:HEIGHT, :WIDTH]
     away = np.hypot(y - 60, x - 80)
@@ -43,7 +43,8 @@ def test_what_is_too_much_shrinks_to_the_thing() -> None:
     assert iou(segment_grabcut(odds, rgb, np.zeros_like(disc)), disc) > 0.9 > iou(odds > PROBABLE, disc)
 
 
-def test_never_is_never_and_the_same_is_the_same() -> None:
+def test_grabcut_respects_the_excluded_mask_and_is_deterministic() -> None:
+    """Pixels of `never` are never foreground, and two runs agree."""
     rgb, disc = scene()
     never = np.zeros_like(disc)
     never[:, :80] = True
@@ -53,7 +54,8 @@ def test_never_is_never_and_the_same_is_the_same() -> None:
     assert np.array_equal(found, segment_grabcut(odds, rgb, never))
 
 
-def test_without_a_beginning_or_without_an_end_there_is_no_outline() -> None:
+def test_grabcut_without_certain_foreground_or_background_is_empty() -> None:
+    """GrabCut needs certain pixels of both classes."""
     rgb, disc = scene()
     nothing = np.zeros((HEIGHT, WIDTH), np.float32)
     assert not segment_grabcut(nothing, rgb, np.zeros_like(disc)).any()

@@ -31,7 +31,7 @@ def test_vidm_steps_are_those_of_the_published_sampler() -> None:
 
 @torch.no_grad()
 def test_vidm_attention_splits_heads_before_queries_keys_and_values() -> None:
-    """As in the published order of channels: head by head, and in each its queries, keys, values."""
+    """Channels have the published order: head by head, and in each head queries, keys, values."""
     torch.manual_seed(0)
     layer, x = Attention(32, 4), torch.randn(1, 32, 4, 2, 3)
     flat = torch.nn.functional.group_norm(x.flatten(2), 32)

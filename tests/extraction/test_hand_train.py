@@ -1,4 +1,4 @@
-"""The finder's training: batches are functions of their number, it learns, it goes on after a kill, and it says what it lacks."""
+"""Training of the hand finder: deterministic batches, learning, loss of the side, files, refused training data."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ def task(seed: int = 0) -> finder.FinderTask:
 
 
 def test_a_batch_is_a_function_of_its_number() -> None:
-    """And of the seed."""
+    """A batch depends on its number and on the seed only."""
     one, same, other, seeded = task().batch(5), task().batch(5), task().batch(6), task(1).batch(5)
     assert all(np.array_equal(a, b) for a, b in zip(one, same, strict=True))
     assert not np.array_equal(one[0], other[0]) and not np.array_equal(one[0], seeded[0])
     assert one[0].shape == (4, 32, 48, 3) and one[1].shape == (4, 32, 48)
 
 
-def test_it_learns(tmp_path: Path) -> None:
-    """Eighty steps on plain shapes, and hands are found that were not before; the same seed gives the same weights."""
+def test_training_improves_iou_deterministically(tmp_path: Path) -> None:
+    """Eighty steps on plain shapes improve IoU; the same seed gives the same weights."""
     ends, new = [], task()
     new.model.eval()
     with torch.no_grad():
@@ -56,20 +56,20 @@ def test_it_learns(tmp_path: Path) -> None:
     assert all(torch.equal(a, b) for a, b in same)
 
 
-def test_the_side_is_asked_only_where_hands_are() -> None:
-    """What is said of sides elsewhere costs nothing; that a hand is there, or not, does."""
+def test_loss_of_the_side_is_restricted_to_hands() -> None:
+    """Logits of the side outside hands do not change the loss; a wrong side inside a hand does."""
     mine, labels = task(), np.zeros((1, 4, 6), np.uint8)
     labels[0, :2, :3], labels[0, 2:, 3:] = LEFT_HAND, RIGHT_HAND
-    said = torch.zeros(1, 4, 4, 6)
-    elsewhere, there = said.clone(), said.clone()
+    logits = torch.zeros(1, 4, 4, 6)
+    elsewhere, there = logits.clone(), logits.clone()
     elsewhere[:, SIDE, :2, 3:], there[:, SIDE, :2, :3] = 5.0, 5.0
     batch = np.zeros((1, 4, 6, 3), np.uint8), labels
-    plain, beside, wrong = (float(mine.loss(lambda _, x=x: x, batch)["total"]) for x in (said, elsewhere, there))
+    plain, beside, wrong = (float(mine.loss(lambda _, x=x: x, batch)["total"]) for x in (logits, elsewhere, there))
     assert plain == beside < wrong
 
 
-def test_the_stage_writes_a_finder_that_can_be_asked(tmp_path: Path) -> None:
-    """Files, curves, a card and a sheet of pictures."""
+def test_the_stage_writes_a_usable_hand_finder(tmp_path: Path) -> None:
+    """The stage writes weights, curves, a card and previews."""
     trained = hands_train.run(LESSONS, SMALL_TRAINING, Scratch(tmp_path))
     names = {file.name for file in trained.files.files}
     assert {"config.json", "model.safetensors", "card.md", "previews/step_0000002.jpg"} <= names
@@ -86,7 +86,7 @@ def bare(one: HandLessons) -> HandLessons:
 
 
 @pytest.mark.parametrize("lacking", [LESSONS[:2], LESSONS[2:], tuple(bare(one) for one in LESSONS)])
-def test_without_hands_to_learn_from_or_to_judge_nothing_is_trained(lacking: tuple[HandLessons, ...]) -> None:
-    """The split is named, and what to do."""
+def test_a_split_without_hands_is_refused(lacking: tuple[HandLessons, ...]) -> None:
+    """The error names the split and the stages to change."""
     with pytest.raises(ValueError, match=r"expected pictures of the split (train|val) with and without hands, got .*hand_plan"):
         finder.make_task(finder.init_model(TINY, 0), lacking, 0, 2, (32, 48), 8)

@@ -9,7 +9,7 @@ import pytest
 
 from afford.common.errors import SourceError
 from stages.extraction import source_read
-from tests.extraction.test_readers_packs import tree
+from tests.extraction.test_frame_archives import tree
 from tests.helpers.made_epic import VIDEO, write_tables, write_tar, write_zip
 from tests.helpers.tiny_root import SQUARE, image, mask, write_points
 
@@ -22,7 +22,7 @@ def keys(root: Path) -> list[int]:
 
 
 def test_released_frames_need_the_mapping(tmp_path: Path) -> None:
-    """Without it, or without the video in it, nothing is guessed; VISOR's own frames need none."""
+    """A missing table or video is an error for released frames; VISOR's own frames need no table."""
     write_tar(write_tables(tmp_path))
     assert keys(tmp_path) == [2, 17, 32]
     (tmp_path / "frame_mapping.json").write_text('{"P01_01": {}}')
@@ -45,8 +45,8 @@ def test_a_mapping_of_another_form_is_refused(text: str, tmp_path: Path) -> None
         keys(tmp_path)
 
 
-def test_an_image_that_the_mapping_leaves_out_is_left_out_and_said_so(tmp_path: Path) -> None:
-    """The others stand."""
+def test_an_image_outside_the_mapping_is_dropped_with_a_remark(tmp_path: Path) -> None:
+    """Other images are kept."""
     write_tar(write_tables(tmp_path))
     write_points(tmp_path, VIDEO, [image(VIDEO, key) for key in (1, 16, 20)])
     (clip,) = source_read.run(tree(tmp_path), source_read.Params())
@@ -54,8 +54,8 @@ def test_an_image_that_the_mapping_leaves_out_is_left_out_and_said_so(tmp_path: 
     assert any("1 images are not in frame_mapping.json, P03_101_frame_0000000020.jpg" in text for text in clip.warnings)
 
 
-def test_dense_images_move_with_the_sparse_ones_around_them(tmp_path: Path) -> None:
-    """Between two that move alike they move as well; where the two disagree they are left out."""
+def test_dense_images_have_the_offset_of_their_sparse_neighbours(tmp_path: Path) -> None:
+    """Dense images between two neighbours with different offsets are dropped."""
     write_tar(write_tables(tmp_path, keys=(1, 16, 31, 38)))
     table = json.loads((tmp_path / "frame_mapping.json").read_text())
     table[VIDEO][f"{VIDEO}_frame_0000000038.jpg"] = "frame_0000000040.jpg"

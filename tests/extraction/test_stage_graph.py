@@ -14,8 +14,8 @@ EDGES = [*pairwise(STAGES), ("scene_render", "clip_record"), ("source_read", "na
 TOUCH_PX = 4.0
 
 
-def test_every_arrow_goes_from_the_edge_of_one_box_to_the_edge_of_another() -> None:
-    """Within a few pixels, whatever the length of the names; no box lies under an arrow."""
+def test_arrows_connect_the_edges_of_boxes() -> None:
+    """Arrows end within a few pixels of boxes for names of any length; no box is under an arrow."""
     figure, boxes = graph_figure(STAGES, EDGES)
     figure.draw_without_rendering()
     (axes,) = figure.axes

@@ -24,7 +24,7 @@ def holes(seed: int, count: int) -> np.ndarray:
 @settings(max_examples=40, deadline=None)
 @given(seed=st.integers(0, 10_000), count=st.integers(0, 4), side=st.sampled_from([64, 90, 128, 200]))
 def test_windows_cover_every_hole(seed: int, count: int, side: int) -> None:
-    """In squares of `side`, larger only where a patch is; within the frame where they fit into it."""
+    """Windows are squares of `side`, larger only around a larger patch, and inside the frame where they fit."""
     hole = holes(seed, count)
     left = hole.copy()
     for window in windows(hole, side):
@@ -36,8 +36,8 @@ def test_windows_cover_every_hole(seed: int, count: int, side: int) -> None:
 
 
 @pytest.mark.parametrize("window", [Window(3, 20, 64), Window(-10, 50, 100), Window(-60, 0, 150), Window(-110, -50, 200)])
-def test_what_is_cut_and_pasted_unscaled_is_the_same(window: Window) -> None:
-    """The very pixels; nothing outside `where` is touched, and what sticks out of the frame is black."""
+def test_cut_and_paste_without_scaling_is_exact(window: Window) -> None:
+    """Pixels outside `where` are unchanged, and pixels outside the frame are black."""
     frame = np.random.default_rng(0).integers(1, 256, (H, W, 3), np.uint8)
     piece, where = cut(frame, window, window.side), holes(1, 3)
     inside = np.zeros((H, W), bool)
@@ -62,6 +62,6 @@ def test_a_scaled_hole_leaves_nothing_out(size: int) -> None:
         assert (out[y, x] == 200).all() and np.count_nonzero(out) == 3
 
 
-def test_items_in_chunks() -> None:
-    """All of them, in order."""
+def test_chunks() -> None:
+    """Chunks contain all items in order."""
     assert chunks([1, 2, 3], 2) == [[1, 2], [3]] and chunks([], 2) == []

@@ -1,4 +1,4 @@
-"""The finder: probabilities at the size of the pictures, sides that follow the mirror, the same bytes twice, clear refusals."""
+"""Hand finder: size of the probabilities, mirrored sides, independence of pictures, input size, exposure, invalid files."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ TINY = HandFinderConfig(height_px=48, width_px=80, widths=(4, 8, 12))
 
 @pytest.fixture
 def model(tmp_path: Path) -> Path:
-    """Random weights, and a norm that knows some statistics."""
+    """Files of a network with random weights, and batch norms with some statistics."""
     torch.manual_seed(0)
     network = HandFinder(TINY)
     network(torch.rand(4, 3, 48, 80))
@@ -29,31 +29,31 @@ def pictures(count: int = 3, height: int = 60, width: int = 100) -> np.ndarray:
 
 
 def test_probabilities_at_the_size_of_the_pictures(model: Path) -> None:
-    """The two hands share a pixel's chance to be a hand."""
+    """Probabilities are in 0..1, and those of both hands sum to at most 1."""
     found = segment(pictures(), model)
     assert found.shape == (3, 60, 100, 4) and found.dtype == np.float32
     assert found.min() >= 0 and found.max() <= 1 and found[..., :2].sum(-1).max() <= 1 + 1e-6 and found.std() > 0
 
 
 def test_a_mirrored_picture_has_its_sides_swapped(model: Path) -> None:
-    """Exactly where the network works at the picture's own size: it is asked both ways."""
+    """Mirroring swaps left and right, because each picture is processed with its mirror image."""
     seen = pictures(2, TINY.height_px, TINY.width_px)
     plain, mirrored = segment(seen, model), segment(np.ascontiguousarray(seen[:, :, ::-1]), model)
     assert np.allclose(mirrored[:, :, ::-1], plain[..., [1, 0, 2, 3]], atol=1e-5)
     assert not np.allclose(plain[..., 0], plain[..., 1], atol=1e-3)
 
 
-def test_pictures_do_not_know_each_other(model: Path) -> None:
-    """Alone or among others, and twice, a picture has the same answer."""
-    seen = pictures(10)
-    together, alone = segment(seen, model), np.concatenate([segment(seen[n : n + 1], model) for n in range(10)])
+def test_pictures_are_independent_of_their_batch(model: Path) -> None:
+    """A picture has the same probabilities alone, in a batch, and again; nine pictures cross the size of a batch."""
+    seen = pictures(9)
+    together, alone = segment(seen, model), np.concatenate([segment(seen[n : n + 1], model) for n in range(9)])
     assert np.allclose(together, alone, atol=1e-5) and np.array_equal(together, segment(seen, model))
     assert segment(seen[:0], model).shape == (0, 60, 100, 4)
 
 
 @pytest.mark.parametrize(("height", "width"), [(1080, 1920), (480, 640), (1280, 720), (256, 456), (100, 1000)])
-def test_pictures_are_looked_at_with_as_many_pixels_as_the_config_says(height: int, width: int) -> None:
-    """At their own aspect, about, whatever their size."""
+def test_input_size_has_the_area_of_the_config(height: int, width: int) -> None:
+    """The input has about the area of the config and the aspect ratio of the picture, for any size of picture."""
     config = HandFinderConfig()
     down, across = input_size(height, width, config)
     assert down % GRID == across % GRID == 0
@@ -62,8 +62,8 @@ def test_pictures_are_looked_at_with_as_many_pixels_as_the_config_says(height: i
     assert input_size(2 * height, 2 * width, config) == (down, across) and input_size(height, width, config, 2.0)[1] > 1.8 * across
 
 
-def test_pictures_are_brought_to_one_exposure() -> None:
-    """As far as a gamma goes; black stays black, white white, and what is brighter stays brighter."""
+def test_exposure_is_normalised() -> None:
+    """A gamma brings the mean level near MEAN; black, white and the order of levels are kept."""
     plain = np.sort(pictures(1)[0].ravel()).reshape(60, 100, 3)
     for gamma in (0.4, 0.6, 1.8):
         lit = (255 * (plain / 255) ** gamma + 0.5).astype(np.uint8)
@@ -73,8 +73,8 @@ def test_pictures_are_brought_to_one_exposure() -> None:
     assert normalise_exposure(np.full((2, 2, 3), 1, np.uint8)).max() < MEAN / 2
 
 
-def test_what_is_no_finder_is_refused(model: Path, tmp_path: Path) -> None:
-    """Whatever is missing or does not fit is named."""
+def test_invalid_files_are_refused(model: Path, tmp_path: Path) -> None:
+    """A missing config, invalid weights and another format are refused."""
     with pytest.raises(ValueError, match=r"expected config\.json of a trained finder"):
         segment(pictures(), tmp_path / "nowhere")
     (model / "model.safetensors").write_bytes(b"no weights")
@@ -87,7 +87,7 @@ def test_what_is_no_finder_is_refused(model: Path, tmp_path: Path) -> None:
 
 
 def test_a_changed_model_is_read_again(model: Path) -> None:
-    """Nobody is answered by weights that are no longer there."""
+    """The cached network is dropped when its files change."""
     before = segment(pictures(), model)
     network = hand_network.read_network(model)
     with torch.no_grad():

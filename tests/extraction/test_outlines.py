@@ -52,8 +52,8 @@ def test_the_grid_is_shrunk_by_nearest_neighbour() -> None:
     assert np.array_equal(small, large[::4, ::4])
 
 
-def test_what_lies_outside_is_cut_off() -> None:
-    """An outline that leaves the grid, however far, is drawn inside it only; one quite outside draws nothing."""
+def test_outlines_are_clipped_to_the_grid() -> None:
+    """An outline that leaves the grid is drawn inside it only; one outside draws no pixel."""
     partly = rasterise(annotation(outline((50, 50), (1e9, 50), (1e9, 1e9), (50, 1e9))), 100, 100, 100, 100)
     assert partly[50:, 50:].all() and partly.sum() == 2500
     assert not rasterise(annotation(square(500, 500, 20)), 100, 100, 100, 100).any()

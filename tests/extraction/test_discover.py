@@ -41,7 +41,7 @@ def test_a_video_is_preferred_to_images_and_images_serve_without_it(tmp_path: Pa
 
 
 def test_annotated_videos_without_media_are_listed(tmp_path: Path) -> None:
-    """They are not an error as long as another video is present."""
+    """Missing media are no error as long as another video is present."""
     write_root(tmp_path)
     write_points(tmp_path, "P95_07", [image("P95_07", 1)])
     source = discover(tmp_path, digest)
@@ -96,7 +96,7 @@ def test_links_inside_the_root_are_followed_and_loops_end(tmp_path: Path) -> Non
 
 
 def test_an_unreadable_file_refuses_its_video_alone(tmp_path: Path) -> None:
-    """What the operating system says is the reason."""
+    """The message of the operating system is the reason."""
     write_root(tmp_path, "P95_01")
     write_root(tmp_path, "P95_02")
 
@@ -109,8 +109,8 @@ def test_an_unreadable_file_refuses_its_video_alone(tmp_path: Path) -> None:
     assert [tree.name for tree in source.videos] == ["P95_01"] and "Permission denied" in source.refused[0].reason
 
 
-def test_a_folder_that_is_no_source_is_refused_in_one_sentence(tmp_path: Path) -> None:
-    """Nothing there, a file, an empty folder, two videos: each says what was expected."""
+def test_an_unknown_layout_is_refused_in_one_sentence(tmp_path: Path) -> None:
+    """A missing path, a file, an empty folder and two videos are each refused with the expected layout."""
     with pytest.raises(SourceError, match="expected a folder, got nothing"):
         discover(tmp_path / "none", digest)
     with pytest.raises(SourceError, match="exactly one video"):
@@ -124,15 +124,15 @@ def test_a_folder_that_is_no_source_is_refused_in_one_sentence(tmp_path: Path) -
         discover(tmp_path, digest)
 
 
-def test_no_media_at_all_is_an_error_that_names_the_videos(tmp_path: Path) -> None:
-    """An EPIC root of annotations alone cannot be used."""
+def test_a_root_without_media_is_refused(tmp_path: Path) -> None:
+    """The error names the videos of an EPIC root with annotations only."""
     write_points(tmp_path, "P95_07", [image("P95_07", 1)])
     with pytest.raises(SourceError, match=r"none of P95_07; put videos/"):
         discover(tmp_path, digest)
 
 
 def test_discovery_loads_nothing_heavy() -> None:
-    """It runs before the plan is made, in the command itself."""
+    """Discovery runs in the command itself, before planning."""
     code = "import sys, afford.extraction.sources.discover; print([m for m in ('numpy', 'cv2', 'av') if m in sys.modules])"
     assert subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True).stdout == "[]\n"
 
@@ -148,8 +148,8 @@ def test_the_real_samples_are_found() -> None:
 
 
 @pytest.mark.parametrize("kind", ["pipe", "socket"])
-def test_what_is_no_file_is_refused_and_never_opened(tmp_path: Path, kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A named pipe under the name of a video would be read for ever; the other video is used."""
+def test_a_named_pipe_is_refused_and_never_opened(tmp_path: Path, kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Reading a named pipe would block; the other video is used."""
     write_root(tmp_path, "P95_01")
     write_root(tmp_path, "P95_02")
     odd = tmp_path / "videos" / "P95_02.MP4"
@@ -165,7 +165,7 @@ def test_what_is_no_file_is_refused_and_never_opened(tmp_path: Path, kind: str, 
 
 
 def test_a_pipe_as_a_table_of_all_videos_refuses_the_source(tmp_path: Path) -> None:
-    """What all videos share cannot be left out."""
+    """A file that all videos share cannot be skipped."""
     write_root(tmp_path)
     (tmp_path / "EPIC_100_train.csv").unlink()
     os.mkfifo(tmp_path / "EPIC_100_train.csv")

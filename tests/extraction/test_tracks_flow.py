@@ -29,7 +29,7 @@ def arm(t: int) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("propagate", BACKENDS)
 def test_key_labels_are_kept_and_unknown_pixels_are_no_entity(propagate) -> None:
-    """At a key frame labels come back as given, unknown ones as background; confidence is 1 where an entity is shown, else 0."""
+    """Key frames keep their labels, with unknown pixels as background; confidence is 1 for visible entities, else 0."""
     rgb, truth = film(5)
     keys = truth[[0, 4]].copy()
     keys[0][keys[0] == CUP] = UNKNOWN
@@ -49,7 +49,7 @@ def test_a_run_of_one_frame_and_a_key_frame_without_entities(propagate) -> None:
 
 
 def test_frames_beyond_the_last_key_frame_are_reached_from_it() -> None:
-    """With one key frame in the middle, both sides are followed."""
+    """A single key frame in the middle is propagated to both sides."""
     rgb, truth = film(7)
     found = flow.propagate(rgb, np.array([3]), truth[[3]], 2, PARAMS)
     for t in (0, 6):
@@ -78,8 +78,8 @@ def test_flow_between_shifted_images_is_the_shift() -> None:
         assert np.abs(np.median(flow_between(a, b, start=start), axis=(0, 1)) - (3, -2)).max() < 0.1
 
 
-def test_a_leap_is_found_where_flow_is_lost() -> None:
-    """Of a bar that jumps by 20 px, most pixels get the jump as their motion back to the frame before."""
+def test_coarse_search_finds_fast_motion() -> None:
+    """Most pixels of a bar that jumps by 20 px get the jump as their flow to the previous frame."""
     (last, before), (rgb, here) = arm(4), arm(5)
     grey = [cv2.cvtColor(image, cv2.COLOR_RGB2GRAY) for image in (rgb, last)]
     step = coarse_to_fine_flow(*grey, before.astype(np.int16))

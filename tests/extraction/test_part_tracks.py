@@ -32,12 +32,13 @@ def tracks(*masks: list[np.ndarray], leap_px: float) -> list[dict[int, np.ndarra
 
 @pytest.mark.parametrize(("x", "width", "leap_px", "count"), [(8, 20, 0, 1), (30, 20, 40, 1), (30, 20, 0, 2), (30, 20, 20, 2),
                                                               (30, 2, 40, 2)])  # fmt: skip
-def test_a_thing_goes_as_far_as_it_may_leap(x: int, width: int, leap_px: float, count: int) -> None:
-    """What overlaps is the same in any case; what does not, where it is near and of like size, and only where things leap."""
+def test_leap_limits_the_distance_of_a_match(x: int, width: int, leap_px: float, count: int) -> None:
+    """Overlapping segments match in any case; distant ones of similar size match within `leap_px` only."""
     assert len(tracks([box(0)], [box(x, width)], leap_px=leap_px)) == count
 
 
-def test_what_overlaps_goes_before_what_is_near() -> None:
+def test_overlap_has_priority_over_distance() -> None:
+    """An overlapping segment is matched before a near one."""
     found = tracks([box(0), box(40)], [box(25), box(4)], leap_px=60)
     assert [track[1][30].argmax() for track in found] == [4, 25]
 
@@ -52,7 +53,7 @@ def test_two_that_meet_are_two_as_before() -> None:
     assert all(not np.array_equal(track[1], one[1]) for track in tracks(apart, met, leap_px=0) if 1 in track)
 
 
-def test_a_small_part_does_not_share_with_a_large_one() -> None:
-    """It is a segment of it."""
+def test_a_small_track_does_not_split_a_large_segment() -> None:
+    """A small track inside a segment is a part of it."""
     found = tracks([box(10, 40), box(54, 4)], [box(10, 50)], leap_px=10)
     assert np.array_equal(found[0][1], box(10, 50))

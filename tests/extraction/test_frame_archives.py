@@ -1,6 +1,4 @@
-"""Laws of afford/common/video/pack and of readers on it: frames in a tar, a zip or a large folder are read in place, and partial
-downloads are told, video by video.
-"""
+"""Frames in a tar, a zip or a large folder are read in place, and partial downloads are reported by video."""
 
 from __future__ import annotations
 
@@ -45,7 +43,7 @@ def test_a_tar_of_frames_is_read_in_place(tmp_path: Path) -> None:
 
 
 def test_a_clip_opens_its_tar_and_reads_its_own_frames_alone(tmp_path: Path) -> None:
-    """What lies outside the clip may even be overwritten: the index of the tar came with the clip."""
+    """Bytes outside the clip may be overwritten, because the clip contains the index of the tar."""
     path = write_tar(write_tables(tmp_path, frames=200), frames=200)
     files = tree(tmp_path)
     (clip,) = source_read.run(files, source_read.Params())
@@ -58,7 +56,7 @@ def test_a_clip_opens_its_tar_and_reads_its_own_frames_alone(tmp_path: Path) -> 
 
 
 def test_visors_key_frames_are_read_out_of_their_zip(tmp_path: Path) -> None:
-    """They serve where there is nothing better; their numbers are VISOR's own, and no list of videos calls them incomplete."""
+    """VISOR's key frames are used without other media; they have VISOR's numbers, and are never a partial download."""
     write_zip(write_tables(tmp_path))
     clip, frames = read(tmp_path)
     assert [key.frame for key in clip.key_frames] == frames.frame.tolist() == [1, 16, 31]
@@ -86,7 +84,7 @@ def cut(path: Path, share: float) -> None:
 
 
 def hollow(path: Path) -> None:
-    """As a downloader leaves it that reserves the space before the bytes come."""
+    """Write a tar as a downloader leaves it that reserves space before the bytes arrive."""
     data = path.read_bytes()
     path.write_bytes(data[: len(data) // 2 // 512 * 512] + bytes(1 << 21))
 
@@ -117,8 +115,8 @@ BROKEN: dict[str, tuple[Callable[[Path], None], str]] = {
 
 
 @pytest.mark.parametrize("how", BROKEN)
-def test_a_partial_download_is_told_in_one_sentence(how: str, tmp_path: Path) -> None:
-    """File, what was expected, what is there, what to do; the other video is read."""
+def test_a_partial_download_is_refused_in_one_sentence(how: str, tmp_path: Path) -> None:
+    """The error names the file, expected, got and what to do; the other video is read."""
     write_tables(tmp_path, (VIDEO, "P04_101"), frames=200)
     damage, said = BROKEN[how]
     damage(tmp_path)
@@ -129,8 +127,8 @@ def test_a_partial_download_is_told_in_one_sentence(how: str, tmp_path: Path) ->
     assert source_read.run(tree(tmp_path, "P04_101"), source_read.Params())
 
 
-def test_empty_images_of_a_folder_are_told_with_their_number(tmp_path: Path) -> None:
-    """A disk that filled up while frames were unpacked leaves files of no bytes."""
+def test_empty_images_are_counted_in_the_error(tmp_path: Path) -> None:
+    """A full disk leaves empty files when frames are unpacked."""
     folder = write_folder(write_tables(tmp_path, frames=600))
     for number in (590, 600):
         (folder / f"frame_{number:010d}.jpg").write_bytes(b"")
@@ -148,8 +146,8 @@ def test_flow_and_other_archives_of_a_video_are_not_its_frames(tmp_path: Path) -
         discover(tmp_path, path_digest)
 
 
-def test_one_video_is_digested_where_one_is_wanted(tmp_path: Path) -> None:
-    """Of the others not a byte is read; a name that fits none leaves all, for the error to name them."""
+def test_other_videos_are_not_digested(tmp_path: Path) -> None:
+    """No byte of other videos is read; an unknown name keeps all, so that the error can list them."""
     videos = ("P03_101", "P03_102", "P04_101")
     write_tables(tmp_path, videos)
     for video in videos:

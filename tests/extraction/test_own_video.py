@@ -112,7 +112,7 @@ def test_visor_masks_of_ones_own_video_may_state_their_grid(tmp_path: Path) -> N
     ("start,stop,narration\n00:00:00.5,0:01,move mug\n", (16, 30)),
     ("start_frame,stop_frame,narration\n4,9,move mug\n", (4, 9)), ("narration,end_s,start_s\nmove mug,0.2,0.1\n", (4, 7))])
 def test_times_may_be_frames_seconds_or_clock(tmp_path: Path, table: str, interval: tuple[int, int]) -> None:
-    """At 30 frames/s half a second is frame 16; times beyond the end are the last frame."""
+    """Half a second is frame 16 at 30 frames/s; times beyond the end are the last frame."""
     narration = read_own(tmp_path, coco(compressed()), table).narrations[0]
     assert (narration.start_frame, narration.stop_frame) == interval
 

@@ -38,7 +38,8 @@ def test_votes_of_all_looks_count() -> None:
     assert looks_of([one], 1, 0) == ([0, 1, 2, 3, 4], [])
 
 
-def test_of_two_that_vote_alike_the_lesser_has_the_other_side() -> None:
+def test_the_weaker_of_two_equal_sides_gets_the_other() -> None:
+    """The track with less evidence gets the other side when two tracks vote for one side."""
     first, lesser = track(range(4), 0.5, 9, 0), track(range(4), 0.4, 5, 60)
     assert looks_of([lesser, first], 1, 1) == ([0, 1, 2, 3], [0, 1, 2, 3])
     assert assign_sides([lesser, first], EGO, 10)["left"] == [first]
@@ -53,14 +54,14 @@ def test_a_third_is_a_hand_where_a_side_is_free() -> None:
 
 
 @pytest.mark.parametrize(("x", "count"), [(24, 2), (60, 1)])
-def test_a_near_part_is_of_the_same_hand(x: int, count: int) -> None:
-    """Where both are sure of the side; what is far is another hand."""
+def test_a_near_segment_belongs_to_the_same_hand(x: int, count: int) -> None:
+    """Near segments that are certain of one side are one hand; distant segments are two hands."""
     looks_of([track(range(4), 0.9, 9, 0), track(range(4), 0.9, 5, x)], count, 2 - count)
 
 
 @pytest.mark.parametrize("facing", [False, True])
-def test_where_the_arm_comes_in(facing: bool) -> None:
-    """At the lower left of a head camera; at the upper right of who is seen from the front; nothing of what lies in the middle."""
+def test_side_of_entry(facing: bool) -> None:
+    """An arm enters at the lower left of a head camera, or at the upper right for a facing person; the middle is neutral."""
     bearing, mask = SidePrior(facing, 0.0, 1.0), np.zeros(SIZE, bool)
     mask[20:40, 40:60] = True
     assert bearing.enters(mask) == 0
@@ -69,15 +70,15 @@ def test_where_the_arm_comes_in(facing: bool) -> None:
     assert bearing.enters(there) > 0.5 and bearing.enters(there[:, ::-1]) == pytest.approx(-bearing.enters(there))
 
 
-def test_who_has_a_side_of_its_own_goes_before_who_would_take_the_other() -> None:
-    """Even where that one is more of a hand."""
+def test_certainty_has_priority_over_evidence() -> None:
+    """A track that is certain of a side gets it before a track with more evidence for a hand."""
     sure, more, unsure = track(range(4), 0.9, 4, 0), track(range(4), -0.9, 9, 30), track(range(4), -0.6, 7, 60)
     found = assign_sides([unsure, more, sure], EGO, 1)
     assert found["left"] == [sure] and found["right"] == [more]
 
 
-def test_what_moves_is_more_of_a_hand() -> None:
-    """Than the same at rest, which is one nevertheless."""
+def test_motion_is_evidence_for_a_hand() -> None:
+    """A moving hand has more evidence than the same hand at rest, which still counts as a hand."""
     p, side = np.where(box(30), 0.9, 0.1).astype(np.float32), np.zeros(SIZE, np.float32)
     rests, moves = (hand_segments(p, side, side, np.full(SIZE, speed, np.float32), 10, 0.2, EGO)[0] for speed in (0, 3))
     assert moves.evidence > 4 * rests.evidence > 0 and np.array_equal(moves.mask, rests.mask)

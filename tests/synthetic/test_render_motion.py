@@ -1,4 +1,4 @@
-"""Laws of motion, camera and casting."""
+"""Motion primitives, tracks, curves and the head camera."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from afford.render.motion import Curve, Track, approach, arc, axis_angle, blend,
 
 
 def test_ease_is_minimum_jerk():
-    """Progress runs from 0 to 1 with neither speed nor acceleration at both ends, and never goes back."""
+    """Progress runs from 0 to 1, without speed or acceleration at both ends, and is monotone."""
     s = np.linspace(0, 1, 1001)
     values = np.array([ease(x) for x in s])
     assert values[0] == 0
@@ -21,7 +21,7 @@ def test_ease_is_minimum_jerk():
 
 @pytest.mark.parametrize("angle", [0.0, 1e-4, 1.0, 3.0, np.pi])
 def test_log_rotation_inverts_about(angle):
-    """The rotation vector of a rotation gives the rotation again, also for a half turn."""
+    """The rotation vector reproduces its rotation, also for a half turn."""
     rotation = axis_angle((0.3, -0.5, 0.8), angle)
     turn = log_rotation(rotation)
     again = axis_angle(turn, float(np.linalg.norm(turn))) if angle else np.eye(3)
@@ -29,8 +29,8 @@ def test_log_rotation_inverts_about(angle):
 
 
 @pytest.mark.parametrize("path", [arc, approach])
-def test_paths_start_and_end_where_they_should(path):
-    """Every path begins at its first pose, ends at its last and stays rigid in between."""
+def test_paths_start_and_end_at_their_poses(path):
+    """A path begins at its first pose, ends at its last and stays rigid in between."""
     a, b = pose((0, 0, 0)), pose((0.3, 0.1, 0.2), axis_angle((0, 0, 1), 2.0))
     move = path(a, b, np.array([0, 0, 0.1])) if path is arc else path(a, b, np.zeros(3), np.array([0, 0, -0.05]))
     np.testing.assert_allclose(move(0.0), a, atol=1e-9)
@@ -40,20 +40,20 @@ def test_paths_start_and_end_where_they_should(path):
 
 
 def test_blend_takes_the_shortest_turn():
-    """Half way between two poses the rotation is half the angle."""
+    """The rotation half-way between two poses is half the angle."""
     out = blend(pose((0, 0, 0)), pose((1, 0, 0), axis_angle((0, 0, 1), 1.0)), 0.5)
     np.testing.assert_allclose(out, pose((0.5, 0, 0), axis_angle((0, 0, 1), 0.5)), atol=1e-9)
 
 
-def test_a_track_refuses_overlapping_segments():
-    """Two things cannot happen to a thing at once: the error says when the last one ends."""
+def test_track_refuses_overlapping_segments():
+    """Motion segments must not overlap; the error contains the end of the last segment."""
     track = Track(pose((0, 0, 0)), [])
     track.add(0, 10, arc(track.end(), pose((1, 0, 0)), np.zeros(3)))
     with pytest.raises(ValueError, match="after 10"):
         track.add(5, 12, lambda s: pose((0, 0, 0)))
 
 
-def test_a_curve_holds_between_steps():
+def test_curve_holds_its_value_between_steps():
     """A curve stays at its last value until the next step begins."""
     curve = Curve(np.zeros(1), [])
     curve.add(2, 4, 1.0)
@@ -61,8 +61,8 @@ def test_a_curve_holds_between_steps():
     assert [float(curve.at(t)[0]) for t in (0, 2, 4, 7, 10, 20)] == [0, 0, 1, 1, 0.5, 0.5]
 
 
-def test_look_at_puts_the_target_in_the_middle():
-    """What the camera looks at is at the principal point, and up in the world is up in the image."""
+def test_look_at_centres_the_target():
+    """The target is at the principal point, and up in the world is up in the image."""
     eye, target = np.array([0.1, -0.2, 0.5]), np.array([0.0, 0.3, 0.0])
     local = np.linalg.inv(look_at(eye, target)) @ np.append(target, 1)
     np.testing.assert_allclose(local[:2], 0, atol=1e-12)
@@ -70,7 +70,7 @@ def test_look_at_puts_the_target_in_the_middle():
     assert intrinsics(456, 256, 60)[0, 2] == 227.5
 
 
-def test_strong_parallax_travels_farther():
+def test_parallax_style_moves_the_head_farther():
     """The parallax style moves the head sideways much farther than the calm one."""
     def reach(style):
         head = Head(np.random.default_rng(1), style, np.array([0, -0.2, 0.5]), 121)

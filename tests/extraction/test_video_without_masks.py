@@ -28,7 +28,7 @@ def read(source: Source, **params: int) -> tuple[Clip, ...]:
 
 
 def test_a_video_alone_is_a_source(tmp_path: Path) -> None:
-    """All its frames, no key frame; what hands will touch in it is held, and a remark says so."""
+    """A video alone gives all its frames, no key frame, the default narration, and a remark."""
     source = bare(tmp_path)
     (clip,) = read(source)
     assert source.kind == "bare" and (clip.clip_id, clip.first_frame, clip.last_frame, clip.key_frames) == ("mine", 1, 30, ())
@@ -37,8 +37,8 @@ def test_a_video_alone_is_a_source(tmp_path: Path) -> None:
     assert any("no masks" in text for text in clip.warnings) and any("'hold object'" in text for text in clip.warnings)
 
 
-def test_its_frames_are_decoded(tmp_path: Path) -> None:
-    """Every one, though none is a key frame; where none can be decoded the error says which were expected."""
+def test_frames_of_a_video_alone_are_decoded(tmp_path: Path) -> None:
+    """Frames are decoded although none is a key frame; an error names the expected frames."""
     source = bare(tmp_path)
     (clip,) = read(source)
     footage = clip_footage.run(clip, clip_footage.Params())

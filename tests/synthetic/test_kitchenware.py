@@ -1,8 +1,9 @@
-"""Laws of the objects that only training kitchens have: their nouns are EPIC's, and hands take them as people do."""
+"""Objects that only training kitchens contain: EPIC nouns, sound meshes and natural grasps."""
 
 from __future__ import annotations
 
 import csv
+import functools
 from pathlib import Path
 
 import numpy as np
@@ -33,13 +34,14 @@ CLASSES = Path(__file__).resolve().parents[3] / "shared" / "data" / "epic_P03_10
 STICKS = ("ladle", "fork", "whisk", "brush")
 
 
+@functools.cache
 def thing(kind: str, seed: int = 3) -> ObjectModel:
-    """One object of this kind."""
+    """Build one object of this kind."""
     return library.build(kind, np.random.default_rng(seed))
 
 
-def stand(kind: str, x: float, number: int = 0, yaw: float = 0.0) -> PlacedObject:
-    """A obj at a place, 30 cm away."""
+def placed(kind: str, x: float, number: int = 0, yaw: float = 0.0) -> PlacedObject:
+    """Place an object 30 cm away from the person."""
     model = thing(kind)
     T = pose((x, 0.30, 0.0), axis_angle((0, 0, 1), yaw))
     points = (model.points @ T[:3, :3].T + T[:3, 3])[:, :2]
@@ -47,22 +49,22 @@ def stand(kind: str, x: float, number: int = 0, yaw: float = 0.0) -> PlacedObjec
     return PlacedObject(number, model, T, np.array([(left, near), (right, near), (right, far), (left, far)], np.float32))
 
 
-def asked(verb: str, *objects: PlacedObject) -> list[tuple[str, set[int], set[str]]]:
-    """(sentence, taxonomies, parts that are taken) of everything that can be done with this verb and all of these objects."""
-    names = {placed.number: plain_name(placed.model.noun) for placed in objects}
+def feasible_tasks(verb: str, *objects: PlacedObject) -> list[tuple[str, set[int], set[str]]]:
+    """Return (sentence, taxonomies, gripped parts) of every feasible task with this verb and all of these objects."""
+    names = {one.number: plain_name(one.model.noun) for one in objects}
     wanted = [task for task in tasks_for(objects, names) if task.verb == verb and len(task.objects) == len(objects)]
     found = [(task.text, grasp_plans(task, ReachModel(objects))) for task in wanted]
     return [(text, {plan.taxonomy for plan in made}, {option.grip.name for plan in made for option in plan.options if option})
             for text, made in found if made]
 
 
-# -- the objects ---------------------------------------------------------------------------------------------------------
+# -- the objects --------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("kind", EXTRA_TRAINED_KINDS)
-@pytest.mark.parametrize("seed", range(4))
-def test_every_seed_gives_a_thing_that_rests_on_the_table(kind: str, seed: int) -> None:
-    """Lowest point on the table, no larger than a kitchen obj, faces and normals sound."""
+@pytest.mark.parametrize("seed", [0, 3, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))])
+def test_objects_rest_on_the_table_for_every_seed(kind: str, seed: int) -> None:
+    """The lowest point is on the table, the size is plausible, and faces and normals are valid."""
     model = thing(kind, seed)
     assert abs(float(model.points[:, 2].min())) < 0.002 and 0.09 < model.size.max() < 0.36
     for part in model.parts:
@@ -71,8 +73,8 @@ def test_every_seed_gives_a_thing_that_rests_on_the_table(kind: str, seed: int) 
 
 
 @pytest.mark.parametrize("kind", EXTRA_TRAINED_KINDS)
-def test_surfaces_look_outwards(kind: str) -> None:
-    """Seen from afar most of what is nearest faces the eye: parts are not inside out."""
+def test_surfaces_face_outwards(kind: str) -> None:
+    """Faces point away from the middle of their part, so parts are not inside out."""
     model = thing(kind)
     for part in (part for part in model.parts if part.name not in ("inside", "bowl")):
         corners = part.mesh.vertices[part.mesh.faces].astype(float)
@@ -83,8 +85,8 @@ def test_surfaces_look_outwards(kind: str) -> None:
 
 @pytest.mark.parametrize("kind", EXTRA_TRAINED_KINDS)
 @pytest.mark.parametrize("side", ["left", "right"])
-def test_hands_hold_the_part_that_they_name(kind: str, side: str) -> None:
-    """The part of that name, or the body, is within a finger's reach of the palm, and the palm is not inside the obj."""
+def test_grips_hold_the_named_part(kind: str, side: str) -> None:
+    """The named part, or the body, is within a finger's reach of the palm, and the palm is not inside the object."""
     model = thing(kind)
     whole = merge(*(part.mesh for part in model.parts))
     for grip in model.grips_of(side):
@@ -95,19 +97,19 @@ def test_hands_hold_the_part_that_they_name(kind: str, side: str) -> None:
 
 
 @pytest.mark.parametrize("kind", EXTRA_TRAINED_KINDS)
-def test_either_hand_takes_its_own_side(kind: str) -> None:
-    """Right palms are not to the left of left palms in the obj's frame: grips are mirror images."""
+def test_grips_of_left_and_right_are_mirror_images(kind: str) -> None:
+    """Right palms are not to the left of left palms in the object frame."""
     model = thing(kind)
     right, left = (sorted(grip.T_obj_palm[0, 3] for grip in model.grips_of(side)) for side in ("right", "left"))
     np.testing.assert_allclose(right, np.negative(left)[::-1], atol=1e-9)
     assert min(right) > -0.02
 
 
-# -- what is asked ------------------------------------------------------------------------------------------------------
+# -- tasks and grasps ---------------------------------------------------------------------------------------------------
 
 
-def test_only_training_kitchens_have_them() -> None:
-    """The benchmark's rooms draw from what they always drew from; nothing that is new to training is among them."""
+def test_kinds_occur_in_training_kitchens_only() -> None:
+    """The benchmark's kinds are unchanged, and no kind is held out from training."""
     others = {*KNOWN_KINDS, *NEW_KINDS, *(kind for pool in TEST_KINDS.values() for kind in pool)}
     assert len(set(TRAINED_KINDS)) == 20 and not set(EXTRA_TRAINED_KINDS) & others
     assert object_kinds("kitchen", "known", "train") == object_kinds("kitchen", "known", "val") == TRAINED_KINDS
@@ -118,18 +120,19 @@ def test_only_training_kitchens_have_them() -> None:
 
 
 @pytest.mark.parametrize("kind", EXTRA_TRAINED_KINDS)
-def test_every_kind_is_taken_in_the_middle(kind: str) -> None:
-    """By one hand, and by the part that people take."""
+def test_take_uses_one_hand_on_the_natural_part(kind: str) -> None:
+    """One hand takes the part that people take."""
     part = {"glass": {"body", "rim"}, "grinder": {"body"}}.get(kind, {"handle"})
-    found = [asked("take", stand(kind, x, yaw=yaw)) for x in (-0.1, 0.1) for yaw in (-0.5, 0.0, 0.5)]
+    found = [feasible_tasks("take", placed(kind, x, yaw=yaw)) for x in (-0.1, 0.1) for yaw in (-0.5, 0.0, 0.5)]
     assert any(found)
     assert all(taxonomies <= {0, 1} and parts <= part for options in found for _, taxonomies, parts in options)
 
 
-def test_two_hands_carry_a_pot_and_turn_a_mill() -> None:
-    """The pot by its handles, the mill by head and body."""
-    assert {(*taxonomies, *parts) for _, taxonomies, parts in asked("carry", stand("pot", 0.0))} == {(2, "handle")}
-    assert [(taxonomies, parts) for _, taxonomies, parts in asked("turn", stand("grinder", 0.0))] == [({2}, {"head", "body"})]
+def test_pot_is_carried_and_grinder_turned_with_two_hands() -> None:
+    """The pot is taken by its handles, the grinder by head and body."""
+    assert {(*taxonomies, *parts) for _, taxonomies, parts in feasible_tasks("carry", placed("pot", 0.0))} == {(2, "handle")}
+    turn = [(taxonomies, parts) for _, taxonomies, parts in feasible_tasks("turn", placed("grinder", 0.0))]
+    assert turn == [({2}, {"head", "body"})]
 
 
 @pytest.mark.parametrize(("verb", "tool", "target", "text"), [
@@ -138,19 +141,19 @@ def test_two_hands_carry_a_pot_and_turn_a_mill() -> None:
     ("stir", "whisk", "bowl", "stir bowl with whisk"),
     ("wash", "brush", "plate", "wash plate with brush"),
 ])  # fmt: skip
-def test_one_hand_uses_it_and_the_other_holds_what_it_is_used_on(verb: str, tool: str, target: str, text: str) -> None:
-    """Side by side on a table."""
-    objects = stand(tool, 0.14), stand(target, -0.12, number=1)
-    found = {said: (taxonomies, parts) for said, taxonomies, parts in asked(verb, *objects)}
+def test_tool_use_takes_both_hands(verb: str, tool: str, target: str, text: str) -> None:
+    """One hand holds the tool and the other its target, side by side on a table."""
+    objects = placed(tool, 0.14), placed(target, -0.12, number=1)
+    found = {sentence: (taxonomies, parts) for sentence, taxonomies, parts in feasible_tasks(verb, *objects)}
     assert 3 in found[text][0] and "handle" in found[text][1]
 
 
-# -- their names --------------------------------------------------------------------------------------------------------
+# -- nouns --------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("kind", EXTRA_TRAINED_KINDS)
-def test_nouns_are_classes_of_epic(kind: str) -> None:
-    """With EPIC's id, key and category, and a word that EPIC's map has."""
+def test_nouns_are_epic_classes(kind: str) -> None:
+    """Id, key and category are EPIC's, and the word is in EPIC's table."""
     if not CLASSES.exists():
         pytest.skip("no EPIC class file beside the project")
     noun = thing(kind).noun
@@ -162,8 +165,8 @@ def test_nouns_are_classes_of_epic(kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", STICKS)
-def test_tools_lie_along_y_with_their_handle_near(kind: str) -> None:
-    """The handle towards the person, the working end beyond it."""
+def test_tools_lie_along_y_with_the_handle_near(kind: str) -> None:
+    """The handle is near the person, the working end beyond it."""
     model = thing(kind)
     handle = next(part.mesh.vertices for part in model.parts if part.name == "handle")
     assert model.tip is not None and handle[:, 1].mean() < 0 < model.tip[1] and model.size.argmax() == 1

@@ -32,7 +32,7 @@ sys.addaudithook(_hook)
 
 @contextmanager
 def watching(root: Path) -> Iterator[dict[str, list[Path]]]:
-    """What this process opens and lists below `root`, by event."""
+    """Record the paths below `root` that this process opens and lists, by event."""
     global watched
     watched, found = [], {}
     try:
@@ -58,7 +58,7 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_plan_opens_no_archive_and_lists_every_folder_once(root: Path, tmp_path: Path) -> None:
-    """Of 700 tars none is opened; what is opened are the annotations of the 70 videos and the tables, each once."""
+    """A plan opens the annotations of 70 videos and the tables, each once, and none of 700 tars."""
     with watching(root) as seen:
         said = call("run", "dataset", "--source", root, "--store", tmp_path, "--dry-run", "--json").json
     assert sorted(task["clip"] for task in said["tasks"] if task["stage"] == "source_read") == sorted(ANNOTATED)

@@ -18,8 +18,8 @@ SIZE = (48, 80)
 STILL = Augmentation(turn_deg=0, share=(1.0, 1.0001), stretch=0, centred=0, elsewhere=0, lookalikes=0, covered=0, soft=0, packed=0)
 
 
-def test_a_disguise_is_a_function_of_its_draw() -> None:
-    """And has the size that was asked for."""
+def test_augmentation_is_seeded() -> None:
+    """Augmentation depends on its random generator only, and has the requested size."""
     one, same, other = (augment(SHOWN, BARE, SIZE, np.random.default_rng(seed), Augmentation()) for seed in (1, 1, 2))
     assert np.array_equal(one[0], same[0]) and np.array_equal(one[1], same[1]) and not np.array_equal(one[0], other[0])
     assert one[0].shape == (*SIZE, 3) and one[0].dtype == np.uint8 and one[1].shape == SIZE and one[1].dtype == np.uint8

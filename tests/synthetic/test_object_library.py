@@ -1,4 +1,4 @@
-"""Laws of the procedural objects: closed, labelled, of household size, and the same for the same seed."""
+"""Procedural objects: closed, labelled meshes of household size, deterministic in their seed."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from afford.synthetic.splits import TRAINED_CATEGORIES, UNSEEN_CATEGORIES
 ALONG_Y = ("knife", "cleaver", "scissors", "saw", "chisel", "razor", "hammer", "axe", "screwdriver", "soldering_iron", "trowel",
            "pan", "ladle", "iron", "brush", "spatula", "fork", "pliers", "wrench", "shovel", "pizza_cutter", "rolling_pin",
            "toothbrush", "flashlight")  # fmt: skip
-"""Things that are longest along y."""
+"""Categories that are longest along y."""
 BOTH_SIDES = ("pot", "kettle", "teapot", "iron", "drill", "rolling_pin", "wine_glass")
-"""Things whose handle may lie above, below, on both sides or in the middle."""
+"""Categories whose handle may be above, below, on both sides or in the middle."""
 HELD = {"spray_bottle": "neck", "flashlight": "body", "wine_glass": "stem"}
-"""What is held of things without a handle."""
-SEEDS = (1, 2, 3)
+"""Held part of categories without a handle."""
+SEEDS = (1, 2)
 
 
 @functools.cache
 def made(category: str, seed: int) -> LabelledMesh:
-    """Coarse, which is quick; the surface is the same."""
+    """Build a coarse mesh once."""
     return build_shape(category, seed, edge_m=0.02)
 
 
@@ -36,8 +36,11 @@ def areas(thing: LabelledMesh) -> np.ndarray:
 
 
 @pytest.mark.parametrize("category", sorted(BUILDERS))
-def test_an_object_is_one_closed_labelled_surface_of_household_size(category: str) -> None:
-    """Watertight, outwards, one body, no inner shell; every face has a part, every part a surface; it rests on z = 0."""
+def test_object_is_one_closed_labelled_mesh_of_household_size(category: str) -> None:
+    """The mesh is watertight and oriented outwards, is one body without inner shells, and rests on z = 0.
+
+    Every face has a part, and every part has a surface.
+    """
     for seed in SEEDS:
         thing = made(category, seed)
         mesh = trimesh.Trimesh(thing.vertices, thing.faces, process=False)
@@ -53,8 +56,8 @@ def test_an_object_is_one_closed_labelled_surface_of_household_size(category: st
 
 
 @pytest.mark.parametrize("category", sorted(BUILDERS))
-def test_parts_are_those_of_the_category_and_handles_point_away(category: str) -> None:
-    """Another seed has other shapes of the same parts; what is held lies towards -y of the whole (or on both sides of it)."""
+def test_parts_depend_on_the_category_and_handles_point_to_minus_y(category: str) -> None:
+    """Another seed gives other shapes of the same parts; the held part is towards -y of the whole, or on both sides of it."""
     first, *others = (made(category, seed) for seed in SEEDS)
     for thing in others:
         assert thing.names == first.names
@@ -68,15 +71,15 @@ def test_parts_are_those_of_the_category_and_handles_point_away(category: str) -
 
 
 @pytest.mark.parametrize("category", ["knife", "kettle", "brush"])
-def test_the_same_seed_gives_the_same_bytes(category: str) -> None:
-    """Also after other objects were built."""
+def test_same_seed_gives_the_same_bytes(category: str) -> None:
+    """The bytes are equal also after other objects were built."""
     again = build_shape(category, 1, edge_m=0.02)
     for name in ("vertices", "faces", "part"):
         assert getattr(again, name).tobytes() == getattr(made(category, 1), name).tobytes(), name
 
 
-def test_edges_are_as_short_as_asked_unless_that_takes_too_many_faces() -> None:
-    """Six millimetres at most when six are asked (and some micrometres); fewer faces than the limit come first."""
+def test_edge_length_and_face_limit() -> None:
+    """Edges are at most 6 mm (plus micrometres), unless that exceeds the face limit."""
     fine = build_shape("knife", 1, edge_m=0.006)
     tri = fine.vertices[fine.faces]
     assert np.linalg.norm(tri - np.roll(tri, 1, axis=1), axis=2).max() < 0.00605
@@ -85,8 +88,8 @@ def test_edges_are_as_short_as_asked_unless_that_takes_too_many_faces() -> None:
         build_shape("pot", 1, edge_m=0.006, max_faces=10)
 
 
-def test_the_union_knows_where_a_face_came_from() -> None:
-    """Two boxes through each other: the surface is that of both, without what is inside, each face with its own box."""
+def test_union_keeps_the_part_of_each_face() -> None:
+    """The union of two crossing boxes has the surface of both without the inside, each face labelled with its box."""
     across, along = block((0.1, 0.02, 0.02), bevel=0), block((0.02, 0.1, 0.02), (0, 0, 0.005), bevel=0)
     thing = unite_parts((Solid("a", across), Solid("b", along)), 1.0, 999)
     mesh = trimesh.Trimesh(thing.vertices, thing.faces, process=False)
@@ -96,14 +99,14 @@ def test_the_union_knows_where_a_face_came_from() -> None:
     assert (thing.part[np.abs(middle[:, 1]) > 0.0101] == thing.names.index("b")).all()
 
 
-def test_parts_that_do_not_touch_are_refused() -> None:
-    """An object is one body."""
+def test_disjoint_parts_are_refused() -> None:
+    """An object must be one body."""
     apart = (Solid("a", block((0.01, 0.01, 0.01))), Solid("b", block((0.01, 0.01, 0.01), (0.05, 0, 0))))
     with pytest.raises(ValueError, match="parts a, b: expected one body, got 2"):
         unite_parts(apart, 0.01, 999)
 
 
-def test_solids_are_closed_and_turned_outwards() -> None:
+def test_loft_is_closed_and_oriented_outwards() -> None:
     """Rings in either order give the same volume; an open surface is refused."""
     square = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]) * 0.01
     rings = np.stack([square, square + [0, 0, 0.02]])
@@ -112,15 +115,15 @@ def test_solids_are_closed_and_turned_outwards() -> None:
         closed(np.eye(3), np.array([[0, 1, 2]]))
 
 
-def test_a_plate_has_its_area_times_its_thickness_also_when_it_is_curved() -> None:
-    """Over a grid of any height; its two ends are closed without a cap that crosses it."""
+def test_volume_of_a_curved_plate() -> None:
+    """The volume is exact for any height function; both ends are closed."""
     x, y = np.meshgrid(np.linspace(-0.05, 0.05, 21), np.linspace(0, 0.1, 11))
     for height in (0 * x, 20 * x**2, 0.01 * np.sin(60 * y)):
         assert plate(np.stack([x, y, height], -1), 0.004).volume() == pytest.approx(0.1 * 0.1 * 0.004, rel=1e-6)
 
 
-def test_a_wire_goes_from_end_to_end_and_cuts_its_corners() -> None:
-    """Both ends stay; it is a little shorter than its lines, and one body."""
+def test_wire_keeps_its_ends_and_rounds_its_corners() -> None:
+    """Both ends stay in place; the wire is slightly shorter than its line segments, and one body."""
     shape = wire([(0, 0, 0), (0.1, 0, 0), (0.1, 0.1, 0)], 0.003, 0.02, sides=48)
     low_x, low_y, low_z, high_x, high_y, high_z = shape.bounding_box()
     np.testing.assert_allclose((low_x, high_y, low_z, high_z), (0, 0.1, -0.003, 0.003), atol=1e-4)
@@ -129,22 +132,22 @@ def test_a_wire_goes_from_end_to_end_and_cuts_its_corners() -> None:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_grips_are_one_body_that_reaches_into_the_tool(seed: int) -> None:
-    """T, D and ring end just past y = 0, and lie towards -y; D and ring have a hole."""
+def test_handles_are_one_body_that_overlaps_the_tool(seed: int) -> None:
+    """T, D and ring handles end just past y = 0 and extend towards -y; D and ring handles have a hole."""
     rng = np.random.default_rng(seed)
     for grip, holes in ((t_grip(rng, 0.12, 0.014), 0), (d_grip(rng, 0.12, 0.12, 0.014), 1), (ring_grip(rng, 0.02, 0.005), 1)):
         assert len(grip.decompose()) == 1 and grip.genus() == holes
         assert OVERLAP_M <= round(grip.bounding_box()[4], 6) <= 2 * OVERLAP_M
 
 
-def test_specks_of_no_volume_are_no_bodies() -> None:
-    """Of this seed, rounding leaves four faces of 1e-26 m^3 where the socket of a shovel leaves its blade."""
+def test_specks_without_volume_are_ignored() -> None:
+    """Rounding leaves, with this seed, four faces of 1e-26 m^3 where the socket of a shovel leaves its blade."""
     thing = build_shape("shovel", 29, edge_m=0.02)
     assert trimesh.Trimesh(thing.vertices, thing.faces, process=False).body_count == 1
 
 
-def test_a_cut_keeps_the_surface_and_separates_its_sides() -> None:
-    """A closed surface stays closed with the same area; every piece lies on its side; a piece knows its face."""
+def test_level_set_cut_keeps_the_surface_and_separates_its_sides() -> None:
+    """A closed surface stays closed with the same area; every piece lies on its side and keeps its source face."""
     ball = trimesh.creation.icosphere(2)
     level = ball.vertices[:, 2] - 0.3
     points, faces, source, side = cut_by_level(ball.vertices, ball.faces, level)
@@ -156,6 +159,6 @@ def test_a_cut_keeps_the_surface_and_separates_its_sides() -> None:
     assert 0 < side.mean() < 1
 
 
-def test_every_category_is_trained_or_unseen() -> None:
-    """One or the other."""
+def test_categories_are_either_trained_or_unseen() -> None:
+    """The two sets are disjoint and cover the library."""
     assert {*TRAINED_CATEGORIES, *UNSEEN_CATEGORIES} == set(BUILDERS) and not {*TRAINED_CATEGORIES} & {*UNSEEN_CATEGORIES}
