@@ -169,7 +169,7 @@ def test_a_layout_shows_what_the_recording_has(recording: Path, tmp_path: Path) 
 
 
 @pytest.mark.parametrize(("words", "said"), [
-    (("--sheet", "{out}/s.png"), "--sheet: {path}: expected pictures on /frame_decode/image"),
+    (("--sheet", "{out}/s.png"), "--sheet: {path}: no pictures on /frame_decode/image"),
     (("--layout", "{out}/l.json"), "--layout: {path}: expected pictures, curves or words"),
     (("--sheet", "{out}/s.xyz"), "--sheet {out}/s.xyz: expected a name with one of the suffixes"),
     (("--sheet", "{out}/s"), "expected a name with one of the suffixes"),
