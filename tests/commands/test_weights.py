@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from afford.extraction.tracks import Sam2
-from afford.models.weights import file_stamps, find_model, weight_files, weights_root, with_weights
+from afford.models.weights import file_stamps, find_model, weight_files, weights_root, with_local_weights
 from commands import backends
 from commands.errors import UsageError
 from commands.settings import settings
@@ -51,7 +51,8 @@ def test_files_are_what_is_read_of_a_model(model: Path, tmp_path: Path) -> None:
 
 def test_params_hold_the_location_of_the_files(model: Path) -> None:
     params = Sam2("label")
-    assert with_weights(params, None) is params and with_weights(params, weight_files(str(model), digest)).model == str(model)
+    assert with_local_weights(params, None) is params
+    assert with_local_weights(params, weight_files(str(model), digest)).model == str(model)
 
 
 def test_files_under_other_names_are_given_theirs(tmp_path: Path) -> None:
