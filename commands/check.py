@@ -16,7 +16,7 @@ from afford.common.errors import SourceError
 from afford.common.folders import VIDEO_SUFFIXES, entries
 from afford.extraction.sources.cut import Cutting
 from afford.extraction.sources.discover import discover
-from afford.extraction.sources.examine import Examined, examine
+from afford.extraction.sources.examine import VideoSummary, examine
 from afford.surface.meshes.read import is_mesh
 from afford.surface.meshes.surface import URDF
 from commands.errors import UsageError, unknown
@@ -36,7 +36,7 @@ class SourceReport:
     source: str
     kind: str
     """epic, own, bare or meshes; '' for a folder that is not a source"""
-    videos: list[Examined] = field(default_factory=list)
+    videos: list[VideoSummary] = field(default_factory=list)
     meshes: list[dict[str, Any]] = field(default_factory=list)
     missing: list[str] = field(default_factory=list)
     """annotated videos without media"""
@@ -83,7 +83,7 @@ def _videos(root: Path, clips: Sequence[str], chosen: Settings) -> SourceReport:
     return SourceReport(str(root), source.kind, videos, missing=list(source.missing), refused=refused)
 
 
-def _check_clips(clips: Sequence[str], videos: Sequence[Examined]) -> None:
+def _check_clips(clips: Sequence[str], videos: Sequence[VideoSummary]) -> None:
     names = [name for video in videos for name in (video.video, *(clip.clip_id for clip in video.clips))]
     for clip in clips:
         if clip not in names:
@@ -139,7 +139,7 @@ def _lines(found: SourceReport) -> Iterator[str]:
     yield f"{usable} usable, {len(found.refused)} refused, {warnings} warning(s)"
 
 
-def _of_video(video: Examined) -> Iterator[str]:
+def _of_video(video: VideoSummary) -> Iterator[str]:
     size = f"{video.size_wh[0]}x{video.size_wh[1]}, " if video.size_wh[0] else ""
     yield escape(f"{video.video}: {video.media or 'unreadable'}, {size}{video.frames} frames at {video.fps:g} a second")
     clips = [f"{clip.clip_id} ({clip.first_frame} to {clip.last_frame}, {len(clip.key_frames)} key frames)" for clip in video.clips]
@@ -173,7 +173,7 @@ def _tree(found: SourceReport) -> dict[str, Any]:
             "videos": [_branch(video) for video in found.videos]}  # fmt: skip
 
 
-def _branch(video: Examined) -> dict[str, Any]:
+def _branch(video: VideoSummary) -> dict[str, Any]:
     clips = [{"clip": clip.clip_id, "first_frame": clip.first_frame, "last_frame": clip.last_frame,
               "key_frames": [key.frame for key in clip.key_frames]} for clip in video.clips]  # fmt: skip
     return {"video": video.video, "media": video.media, "frames": video.frames, "fps": video.fps, "size": list(video.size_wh),

@@ -8,7 +8,7 @@ from collections import Counter
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from afford.extraction.sources.downloads import KINDS, LICENCE, SPLITS, files, states
+from afford.extraction.sources.downloads import KINDS, LICENCE, SPLITS, file_states, published_files
 from commands.errors import UsageError, unknown
 
 HEAD = """# {missing} of {all} files are not in {root} yet ({partial} of them in part). Licence of all: {licence}.
@@ -34,8 +34,8 @@ def fetch_list(root: Path, subset: Subset, json: bool) -> int:
     """
     if root.exists() and not root.is_dir():
         raise UsageError(f"{root}: this is a file; give a folder, which may be new")
-    wanted = list(files(_videos(subset), _kinds(subset)))
-    found = list(states(root, wanted))
+    wanted = list(published_files(_videos(subset), _kinds(subset)))
+    found = list(file_states(root, wanted))
     counts = Counter(state for _, state in found)
     if json:
         rows = [{**asdict(file), "state": state, "bytes": None, "licence": LICENCE} for file, state in found]

@@ -13,7 +13,7 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.markup import escape
@@ -22,8 +22,9 @@ from rich.table import Table
 from afford.recording.summary import Summary, summarise
 from commands.errors import UsageError, unknown
 from commands.inspect_tables import SORTS, print_json, show_many, show_one, size
-from commands.session import open_existing
-from runner import LostError, Runner
+
+if TYPE_CHECKING:
+    from runner import Runner
 
 SUFFIX = ".mcap"
 PICTURES = (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tif", ".tiff")
@@ -127,13 +128,13 @@ def _tell(verdicts: list[Verdict], options: Options) -> None:
 def _views(files: list[Path], options: Options) -> None:
     """Write pictures and open viewers, which load more than a summary needs."""
     if options.sheet:
-        from afford.recording.sheet import write_sheet
+        from afford.recording.contact_sheet import write_sheet
 
         _fitting("--sheet", lambda out: write_sheet(files, out), options.sheet)
     if options.save:
-        from afford.recording import viewer
+        from afford.recording import rerun_viewer
 
-        _fitting("--save", lambda out: viewer.save(files[0], out), options.save)
+        _fitting("--save", lambda out: rerun_viewer.save(files[0], out), options.save)
     if options.rerun:
         _show(files[0])
 
@@ -150,14 +151,14 @@ def _show(path: Path) -> None:
         file = f"{path.stem}.rrd"
         raise UsageError(f"--rerun: no display, since neither {' nor '.join(DISPLAYS)} is set; write a file with "
                          f"`--save {file}`, and open it in a browser with `{program} {file} --web-viewer`")
-    from afford.recording import viewer
+    from afford.recording import rerun_viewer
 
-    viewer.show(path, program)
+    rerun_viewer.show(path, program)
 
 
 def _lay_out(found: Summary, out: Path | None) -> None:
     if out:
-        from afford.recording.layout import layout
+        from afford.recording.foxglove_layout import layout
 
         _fitting("--layout", lambda path: path.write_text(json.dumps(layout(found), indent=1) + "\n", encoding="utf-8"), out)
 
@@ -201,6 +202,9 @@ def inspect_artifact(artifact: str, store: Path | None, as_json: bool) -> int:
 
     Returns 1 when its files are damaged or lost. UsageError when there is no such artifact.
     """
+    from commands.session import open_existing  # loads the engine, which a recording does not need
+    from runner import LostError
+
     runner = open_existing(store)
     try:
         found = runner.lineage(artifact)

@@ -13,7 +13,7 @@ from typing import Any
 from rich.console import Console
 from rich.markup import escape
 
-from afford.extraction.sources.hand_names import handless, other_shape
+from afford.extraction.sources.hand_names import aspect_remark, no_hands_remark
 from runner import LostError, Runner, RunReport
 from schemas.video import NOT_IN_CONTACT, UNKNOWN_CONTACT
 
@@ -70,7 +70,7 @@ def _of_video(outputs: _Outputs, video: str) -> Iterator[StageWarning]:
         for name, digest in outputs.clips(video):
             clip = outputs.fields(digest)
             masks = [mask for key in map(_plain, clip["key_frames"]) for mask in map(_plain, key["annotations"])]
-            none = handless((mask["side"], mask["name"]) for mask in masks)
+            none = no_hands_remark((mask["side"], mask["name"]) for mask in masks)
             yield from (StageWarning("source_read", video, text) for text in (*clip["warnings"], *([none] if none else [])))
             for stage, texts in (("frame_decode", _of_frames(clip, outputs.of("frame_decode", f"{video}/{name}"))),
                                  ("hand_detect", _of_hands(outputs.of("hand_detect", f"{video}/{name}"))),
@@ -88,7 +88,7 @@ def _of_frames(clip: Fields, frames: Fields | None) -> Iterator[str]:
     wanted = clip["last_frame"] - clip["first_frame"] + 1 if clip["media_kind"] == "video" else len(clip["media"])
     if count < wanted:
         yield f"{wanted - count} of {wanted} frames could not be decoded"
-    remark = other_shape([(key["width_px"], key["height_px"]) for key in map(_plain, clip["key_frames"])], (width_px, height_px))
+    remark = aspect_remark([(key["width_px"], key["height_px"]) for key in map(_plain, clip["key_frames"])], (width_px, height_px))
     if remark:
         yield remark
 

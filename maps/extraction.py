@@ -1,4 +1,4 @@
-"""From video to a two-hand affordance data set, one line per stage."""
+"""Map of the extraction: from video to a two-hand affordance data set, one line per stage."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ from stages.synthetic import hand_lessons, hand_plan
 
 
 class Extracted(NamedTuple):
-    """Handles of what the extraction stages make of one clip; `read` is the clip as it was before hands were found in it."""
+    """Handles of the outputs of all extraction stages for one clip; `read` is the clip before hand detection."""
 
     clip: Clip
     frames: Frames
@@ -51,7 +51,7 @@ class Extracted(NamedTuple):
     read: Clip
 
     def recorded(self) -> dict[str, stage_record.Recorded]:
-        """What a recording shows, by stage."""
+        """Outputs that a recording shows, by stage."""
         return {
             "source_read": self.read, **({"hand_detect": self.clip} if self.clip is not self.read else {}),
             "frame_decode": self.frames, "mask_densify": self.tracks,
@@ -61,14 +61,14 @@ class Extracted(NamedTuple):
 
 
 def extract(g: Graph, video: RenderedClip, p: Settings, bare: bool = False) -> Extracted:
-    """Video, sparse masks (found here where it is `bare`) and narrations -> hands, objects and affordances on every frame."""
+    """Extract hands, objects and affordances on every frame; in a `bare` video hands are detected first."""
     s           = p.extraction
     files       = g.pick(video, lambda v: v.files)
     media       = g.pick(video, lambda v: v.media)
     clip        = g.each(g.first(g.add(source_read.run, files=files,                                 params=s.source_read)))
     footage     = g.add(clip_footage.run,           clip=clip,                                       params=clip_footage.Params())
     frames      = g.add(frame_decode.run,           media=media,     footage=footage,                params=s.frame_decode)
-    read, clip  = clip, found(g, clip, frames, p) if bare else clip
+    read, clip  = clip, detect_hands(g, clip, frames, p) if bare else clip
     tracks      = g.add(mask_densify.run,           clip=clip,       frames=frames,                  params=s.mask_densify,
                         **weights(g, p, "mask_densify"))
     inpainted   = g.add(hand_inpaint.run,           frames=frames,   tracks=tracks,                  params=s.hand_inpaint,
@@ -80,43 +80,43 @@ def extract(g: Graph, video: RenderedClip, p: Settings, bare: bool = False) -> E
     return Extracted(clip, frames, tracks, inpainted, complete, affordances, labels, read)
 
 
-def found(g: Graph, clip: Clip, frames: Frames, p: Settings) -> Clip:
-    """A clip without masks -> the same with hands, what they touch, and that they do."""
-    learned = p.extraction.hand_detect.backend == "network"
-    asked   = {"weights": g.pick(finder(g, p), lambda t: t.files)} if learned else weights(g, p, "hand_detect")
-    return g.add(hand_detect.run, clip=clip, frames=frames, params=p.extraction.hand_detect, **asked)
+def detect_hands(g: Graph, clip: Clip, frames: Frames, p: Settings) -> Clip:
+    """Detect hands and touched objects in a clip without masks."""
+    trained = p.extraction.hand_detect.backend == "network"
+    files   = {"weights": g.pick(finder(g, p), lambda t: t.files)} if trained else weights(g, p, "hand_detect")
+    return g.add(hand_detect.run, clip=clip, frames=frames, params=p.extraction.hand_detect, **files)
 
 
 def finder(g: Graph, p: Settings) -> Trained:
-    """Rendered hands in rendered rooms -> the trained finder; whoever asks for it shares one training."""
+    """Train the hand finder on rendered rooms; all uses in a graph share one training."""
     room    = g.each(g.add(hand_plan.run,                                                            params=p.extraction.hand_plan))
     lessons = g.add(hand_lessons.run,       room=room,                                params=p.extraction.hand_lessons, ctx=g.ctx)
     return g.add(hands_train.run,           lessons=g.collect(lessons),               params=p.extraction.hands_train, ctx=g.ctx)
 
 
 def assemble(g: Graph, x: Extracted, p: Settings) -> Samples:
-    """What was extracted from one clip -> its samples."""
+    """Assemble the samples of one clip."""
     return g.add(sample_assemble.run, clip=x.clip, frames=x.frames, inpainted=x.inpainted, tracks=x.tracks,
                  complete=x.complete, affordances=x.affordances, labels=x.labels, params=p.extraction.sample_assemble)
 
 
 def pack(g: Graph, samples: Samples, origin: Origin, p: Settings) -> FileTree:
-    """The samples of all clips -> one data set."""
+    """Pack the samples of all clips into one data set."""
     return g.add(dataset_pack.run, samples=g.collect(samples), params=licensed(p.extraction.dataset_pack, origin), ctx=g.ctx)
 
 
 def licensed(params: dataset_pack.Params, origin: Origin) -> dataset_pack.Params:
-    """Clips that are rendered here are ours to license; of others the stage knows, or the user says."""
+    """Set the licence of rendered clips to apache-2.0; for other clips the stage or the user chooses it."""
     return replace(params, license="apache-2.0") if origin.specs and not params.license else params
 
 
 def mined(g: Graph, origin: Origin, p: Settings) -> FileTree:
-    """Videos -> a data set whose labels the extraction took from them."""
+    """Build a data set with labels extracted from videos."""
     return pack(g, assemble(g, extract(g, videos(g, origin, p), p, origin.bare), p), origin, p)
 
 
 class Scored(NamedTuple):
-    """Handles of the quality report and of what it is made from."""
+    """Handles of the quality report and its inputs."""
 
     report: FileTree
     scores: ClipScores
@@ -124,7 +124,7 @@ class Scored(NamedTuple):
 
 
 def score(g: Graph, video: RenderedClip, p: Settings) -> Scored:
-    """Clips with ground truth -> the quality report, with key frames as given (gap 15) and every second one (gap 30)."""
+    """Build the quality report of clips with ground truth, with all key frames (gap 15) and every second one (gap 30)."""
     x = extract(g, video, p)
     truth = g.pick(video, lambda v: v.truth)
     thin   = g.add(key_thin.run,     clip=x.clip,                                                    params=p.extraction.key_thin)
@@ -137,7 +137,7 @@ def score(g: Graph, video: RenderedClip, p: Settings) -> Scored:
 
 
 def record(g: Graph, x: Extracted, samples: Samples) -> FileTree:
-    """Every stage of a clip -> its own recording, then one recording of the clip that a viewer opens."""
+    """Record every stage of a clip, and merge the recordings into one for the viewer."""
     parts = tuple(
         g.named(f"record_{stage}").add(stage_record.run, value=value, frames=x.frames, params=stage_record.Params(stage), ctx=g.ctx)
         for stage, value in (*x.recorded().items(), ("sample_assemble", samples))
@@ -146,7 +146,7 @@ def record(g: Graph, x: Extracted, samples: Samples) -> FileTree:
 
 
 def dataset(g: Graph, origin: Origin, p: Settings) -> None:
-    """the data set of a source, with a recording of every clip"""
+    """Build the data set of a source, with a recording of every clip."""
     x = extract(g, videos(g, origin, p), p, origin.bare)
     samples = assemble(g, x, p)
     packed = g.publish(pack(g, samples, origin, p), "datasets/{source}", as_="dataset")
@@ -154,13 +154,13 @@ def dataset(g: Graph, origin: Origin, p: Settings) -> None:
 
 
 def recordings(g: Graph, origin: Origin, p: Settings) -> None:
-    """a recording of every clip of a source"""
+    """Record every clip of a source."""
     x = extract(g, videos(g, origin, p), p, origin.bare)
     g.target("recordings", record(g, x, assemble(g, x, p)))
 
 
 def extraction_quality(g: Graph, origin: Origin, p: Settings) -> None:
-    """scores of every extraction stage against ground truth"""
+    """Score every extraction stage against ground truth."""
     report, scores, x = score(g, videos(g, origin, p), p)
     g.cost("cpu_s_per_frame", (x.frames, x.tracks, x.inpainted, x.complete, x.affordances), (reported(g, report), "clips.frames"),
            shards=scores, each=True)
@@ -168,14 +168,15 @@ def extraction_quality(g: Graph, origin: Origin, p: Settings) -> None:
 
 
 def hands(g: Graph, origin: Origin, p: Settings) -> None:
-    """a network that finds hands in pictures without masks, from rendered ones"""
+    """Train the hand finder, which finds hands in pictures without masks, on rendered rooms."""
     trained = finder(g, p)
     g.target("hands", g.pick(trained, lambda t: t.files), record_training(g, "hands_train", trained, p.extraction.hands_train))
 
 
 def compared(g: Graph, origin: Origin, columns: Mapping[str, Settings]) -> dict[str, dict[str, str]]:
-    """The report of every column, on the same clips; what two columns share is made once. Gives, for every column, the names
-    under which its stages go.
+    """Build the report of every column of settings on the same clips; shared stages run once.
+
+    Returns the names of the stages of every column.
     """
     video = videos(g, origin, next(iter(columns.values())))
     names: dict[str, dict[str, str]] = {}

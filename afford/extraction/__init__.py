@@ -1,1 +1,1 @@
-"""From video to two-hand affordance: sources, hands, tracks, inpainting, completion, intersection."""
+"""Extraction of two-hand affordance from video: sources, hand detection, tracks, inpainting, completion, intersection."""

@@ -1,4 +1,4 @@
-"""Parameters of from video to a two-hand affordance data set, the hand finder included."""
+"""Settings of the extraction stages, including the hand finder."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
-"""complete objects AND same-side hands -> where each hand acts, and which hands the task takes.
+"""Intersect complete objects with the hands that touch them: affordance masks of each hand, and the taxonomy of the task.
 
-Reads   Tracks: hands, and which object each hand touches; CompleteObjects
+Reads   Tracks: hands, and the object that each hand touches; CompleteObjects
 Writes  Affordances: left and right mask, 4-way and 3-way taxonomy, quality score, reason for rejection per frame
-Method  intersection of the hand with the complete mask of the object it touches, then dilated if asked; limits on the
-        area are given at 855 x 855 as in the paper's code and scaled to the working size
+Method  intersection of the hand with the complete mask of the object it touches, then optional dilation; limits on the area
+        are given at 855 x 855 as in the paper's code, and scaled to the working size
 Fails   when the inputs are not of the same frames and size
 Paper   2HandedAfforder, affordance extraction; dilation 10 x 10 and area below 20000 px at 855 x 855 there
 """
@@ -22,6 +22,8 @@ MEMORY_GIB = 0.5
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of `affordance_intersect`."""
+
     dilate_px855: float = 10.0
     """side of the square that dilates the masks, in pixels at 855 x 855 (the papers' 10); 0 leaves the intersection as it is"""
     min_area_px855: float = 20.0
@@ -31,11 +33,11 @@ class Params:
     min_quality: float = 0.05
     """a frame with a lower quality score is rejected, 0..1"""
     fade_frames: float = 60.0
-    """key frame distance at which the trust in a mask has fallen to a half"""
+    """distance to the key frame at which the confidence in a contact falls to one half"""
 
 
 def run(tracks: Tracks, complete: CompleteObjects, params: Params) -> Affordances:
-    """One left and one right mask per frame. A rejected frame keeps its masks; `rejection` says why it gives no sample."""
+    """Compute one left and one right mask per frame. A rejected frame keeps its masks and gets a reason in `rejection`."""
     from afford.extraction import intersection as at
 
     _check(tracks, complete)

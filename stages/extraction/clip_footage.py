@@ -1,4 +1,4 @@
-"""what is known of a clip -> which frames of which media it consists of, so that new words or outlines decode nothing again.
+"""Extract the footage of a clip: its media and frame range, so that changed narrations or outlines decode no frame again.
 
 Reads   Clip
 Writes  Footage: media, rate, first and last frame, numbers of the key frames
@@ -19,10 +19,10 @@ MEMORY_GIB = 0.1
 
 @dataclass(frozen=True)
 class Params:
-    """Nothing to choose."""
+    """No parameters."""
 
 
 def run(clip: Clip, params: Params) -> Footage:
-    """The footage of a clip."""
+    """Return the footage of a clip."""
     return Footage(clip.clip_id, clip.media, clip.media_kind, clip.fps, clip.resample, clip.first_frame, clip.last_frame,
                    tuple(key.frame for key in clip.key_frames), clip.spans)

@@ -1,11 +1,11 @@
-"""samples of all clips -> the data set: Parquet shards that `datasets` reads alone, with card, statistics and pictures.
+"""Pack the samples of all clips into a data set: Parquet shards for `datasets`, with card, statistics and pictures.
 
 Reads   Samples of every clip
 Writes  data/<split>-NNNNN-of-NNNNN.parquet, README.md, croissant.json, manifest.json,
         statistics.json, plots/, contact_sheet.png
-Method  rows are written as they come (one row group in memory); classes emerge from the narrations; splits by video, the
-        source's own when it names one for every video, else by a seeded hash of the video (or participant)
-Fails   when no clip gives a sample, when two samples share an id, when a video is in two splits
+Method  rows are streamed (one row group in memory); classes are those of the narrations; splits by video: the split of the
+        source if every video has one, else by a seeded hash of the video (or participant)
+Fails   without samples, when two samples share an id, when a video is in two splits
 Paper   2HandedAfforder, 2HANDS: the same content; flips, crops and colours are left to load time (afford/dataset/augment.py)
 """
 
@@ -24,17 +24,19 @@ MEMORY_GIB = 2.0
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of `dataset_pack`."""
+
     name: str = "afford-2hands"
     """name of the data set, on its card"""
     version: str = "1.0.0"
     """version of the data set, in croissant.json"""
     license: str = ""
     """licence id on the card; '' = that of the source: cc-by-nc-4.0 for EPIC-KITCHENS and VISOR (which refuse any other),
-    apache-2.0 for clips rendered here, other for videos of which nobody has said it"""
+    apache-2.0 for rendered clips, other for videos without a stated licence"""
     made: str = "extracted"
-    """how the samples came to be, for the card: extracted from video, or rendered"""
+    """origin of the samples, for the card: extracted from video, or rendered"""
     split_by: str = "video"
-    """what a split keeps together where the source has no split: video or participant"""
+    """unit of the split where the source has no split: video or participant"""
     val_fraction: float = 0.1
     """share of videos (participants) for validation where the source has no split"""
     test_fraction: float = 0.1
@@ -48,7 +50,7 @@ class Params:
 
 
 def run(samples: tuple[Samples, ...], params: Params, ctx: Context) -> FileTree:
-    """Write the data set into the scratch folder and return it as files."""
+    """Write the data set to the scratch folder and return its files."""
     from afford.common import files
     from afford.dataset import packing
     from afford.dataset.packing import SplitRule

@@ -1,9 +1,9 @@
-"""scores of many clips -> the quality report: table, plots, picture sheet and a flat dict of metrics.
+"""Summarise the scores of many clips in the quality report: table, plots, contact sheet and a flat dict of metrics.
 
 Reads   ClipScores of standard and hard clips
 Writes  metrics.json, report.md, scores.png, sheet.jpg
-Method  means over all items of the standard clips; the same over the hard clips under the prefix `hard.`
-Fails   when there is no standard clip
+Method  means over all items of the standard clips; means over the hard clips have the prefix `hard.`
+Fails   without a standard clip
 """
 
 from __future__ import annotations
@@ -21,8 +21,10 @@ MEMORY_GIB = 1.0
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of `extraction_report`."""
+
     eval_seed: int = 20261
-    """seed of the clips that are rendered for the report; the floors must hold for any"""
+    """seed of the clips that are rendered for the report; the quality floors hold for any seed"""
     standard_clips: int = 8
     """number of standard clips"""
     hard_clips: int = 6

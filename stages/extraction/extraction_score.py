@@ -1,8 +1,8 @@
-"""extraction outputs + ground truth -> scores of one clip.
+"""Score the outputs of the extraction stages for one clip against ground truth.
 
-Reads   the truth folder of a rendered clip, and what every extraction stage made of the clip (tracks at two key gaps)
-Writes  ClipScores: sums and counts by name, baselines beside them, and a row of pictures
-Method  definitions in afford/extraction/quality_score.py; no stage reads the truth but this one
+Reads   the truth folder of a rendered clip, and the outputs of all extraction stages (tracks at two key gaps)
+Writes  ClipScores: sums and counts by name, with baselines, and a row of pictures
+Method  definitions in afford/extraction/quality_score.py; only this stage reads the truth
 Fails   when the truth does not cover the frames of the clip
 """
 
@@ -24,6 +24,8 @@ MEMORY_GIB = 1.5
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of `extraction_score`."""
+
     sheet_width_px: int = 300
     """width of one picture in the sheet"""
 

@@ -1,11 +1,11 @@
-"""video or frame images -> the frames of a clip at working size, with exact data-set numbers and times.
+"""Decode the frames of a clip at working size from a video or frame images, with exact data-set numbers and times.
 
-Reads   FileTree of the media, Footage: neither outlines nor words, so that a change of those decodes nothing again
+Reads   FileTree of the media, Footage: neither outlines nor narrations, so that a change of those decodes no frame again
 Writes  Frames: rgb (t, h, w, 3) uint8 sRGB, frame (t,) data-set numbers, time_ns (t,) from the start of the video
-Method  frames are told apart by presentation time, so variable rates and reordering do no harm; EPIC-KITCHENS videos are
-        resampled to 60 or 50 frames/s as their annotators did; display rotation is applied; sizes shrink by area mean
-Fails   the file cannot be read or states too many pixels, or no key frame of the clip can be decoded (no frame, where none is
-        known yet); frames after a truncation are merely absent
+Method  frames are identified by presentation time, so variable rates and reordering are supported; EPIC-KITCHENS videos are
+        resampled to 60 or 50 frames/s as for their annotation; display rotation is applied; sizes shrink by area mean
+Fails   when the file cannot be read or has too many pixels, or no key frame (without key frames: no frame) can be decoded;
+        frames after a truncation are absent
 Paper   VISOR (frame extraction), EPIC-KITCHENS-100 (456 x 256 frames)
 """
 
@@ -23,8 +23,10 @@ MEMORY_GIB = 1.5
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of `frame_decode`."""
+
     width_px: int = 456
-    """frames are scaled down into width_px x height_px, their shape kept; upright video into the upright box"""
+    """frames are scaled down to fit into width_px x height_px, with their aspect ratio; upright video into the upright box"""
     height_px: int = 256
     """see width_px"""
 

@@ -1,14 +1,14 @@
-"""a clip without masks, its frames and a finder of hands -> the clip with key frames: hands, what they touch, and that they do.
+"""Detect hands and touched objects in a clip without masks: adds key frames with outlines, sides and contact.
 
-Reads   Clip without key frames; Frames (t h w 3); files of the finder: what hands_train wrote, or a model of the user's
-Writes  Clip with a key frame about every `every_s`: outlines of left and right hand and of what they touch, contact
-Method  the backend says of frames `look_s` apart how likely each pixel is left hand, right hand, touched object; optical flow
-        carries that to the neighbours; the colours of what is surely hand in this clip draw the line to sleeve and wood, edges of
-        the picture the outline. Parts are followed in time; each votes for one side with all its looks; short ones are dropped,
-        short gaps filled. An object is what the finder takes for one beside a hand, or what moves as the hand does, now or within
-        the next or last looks; colours of the look draw its outline (GrabCut); a touch lasts
-Fails   when the finder's files are missing, or are those of another model
-Paper   takes the place of VISOR's annotators where there are none
+Reads   Clip without key frames; Frames (t h w 3); files of the hand finder, written by hands_train, or a model of the user
+Writes  Clip with a key frame about every `every_s`: outlines of left hand, right hand and touched objects, contact
+Method  the backend computes probabilities of left hand, right hand, touched object and sleeve for frames `look_s` apart; optical
+        flow smooths them over time; a colour model of the certain hand pixels of the clip, and a guided filter, refine them.
+        Segments are linked over time; each track votes for one side with all its segments; short tracks are dropped, short gaps
+        filled. An object is a segment at a hand with a high probability, or one that moves with the hand, now or shortly before
+        or after; GrabCut draws its outline; short contacts are dropped
+Fails   when the files of the hand finder are missing, or are those of another model
+Paper   replaces the annotations of VISOR for video without masks; no paper
 """
 
 from __future__ import annotations
@@ -33,14 +33,16 @@ BACKENDS = {
 
 @dataclass(frozen=True)
 class Params(Detection):
+    """Parameters of `hand_detect`."""
+
     backend: str = "network"
-    """who finds hands in single pictures: network (trained here) or sam3"""
+    """backend that finds hands in single pictures: network (the hand finder, trained by hands_train) or sam3"""
     sam3: Sam3 = Sam3()
     """parameters of sam3"""
 
 
 def run(clip: Clip, frames: Frames, params: Params, weights: FileTree | None = None) -> Clip:
-    """The clip with the hands that were found; ValueError when the finder cannot be used."""
+    """Add the detected hands to a clip; ValueError when the hand finder cannot be used."""
     from functools import partial
 
     from afford.common.registry import block, load

@@ -1,11 +1,11 @@
-"""frames + hand masks -> the same frames without hands.
+"""Inpaint the hands: the same frames without hands.
 
 Reads   Frames (t h w 3); Tracks: every hand and touched object in every frame; files of a model (vidm, lama)
 Writes  Inpainted: images, the mask that was replaced (hands, dilated), per-pixel source and confidence
-Method  `layered` looks behind the hands in other frames, background and objects by their own motion; `median` background
-        only; `telea` each frame alone; `vidm` (diffusion, GPU advised) and `lama` (one pass) are learned and need weights. All
-        deterministic on one kind of machine; all work on a few far-apart frames as well
-Fails   when frames and tracks are not of the same frames and size; when a learned backend has no weights that fit
+Method  `layered` fills from other frames, background and objects by their own motion; `median` fills with background only;
+        `telea` fills each frame alone; `vidm` (diffusion, GPU advised) and `lama` (one pass) are learned and need weights. All
+        are deterministic on one kind of machine, and also work on a few far-apart frames
+Fails   when frames and tracks differ in frames or size; when a learned backend has no weights that fit
 Paper   2HandedAfforder, hand inpainting (VIDM over four frames); masks dilated 7 px at 256 there
 """
 
@@ -36,6 +36,8 @@ BACKENDS = {
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of `hand_inpaint`."""
+
     backend: str = "layered"
     """layered, median, telea, vidm or lama"""
     dilate_px: int = 3
@@ -53,11 +55,11 @@ def run(frames: Frames, tracks: Tracks, params: Params, weights: FileTree | None
     from afford.common.masks import dilate
     from afford.common.registry import block, load
     from afford.extraction import layers
-    from afford.models.weights import with_weights
+    from afford.models.weights import with_local_weights
 
     _check(frames, tracks)
     hole = dilate(layers.hands(tracks), params.dilate_px)
-    filled = load(BACKENDS, params.backend)(frames, tracks, hole, with_weights(block(params, params.backend), weights))
+    filled = load(BACKENDS, params.backend)(frames, tracks, hole, with_local_weights(block(params, params.backend), weights))
     rgb = np.where(hole[..., None], filled.rgb, frames.rgb)
     source = np.where(hole, filled.source, PixelSource.ORIGINAL).astype(np.uint8)
     confidence = np.where(hole, filled.confidence, 255).astype(np.uint8)

@@ -1,13 +1,12 @@
-"""lessons of many rooms -> the finder of hands: where they are in a picture, which they are, and what they touch.
+"""Train the hand finder, which finds hands, their sides, touched objects and sleeves in pictures, on rendered rooms.
 
-Reads   HandLessons of rooms to learn from and of rooms that judge (their `split`: train or val)
+Reads   HandLessons of training and of validation rooms (their `split`: train or val)
 Writes  Trained: files (config.json, model.safetensors, card.md, previews/, tensorboard/) and the TrainingLog
-Method  a small fully convolutional network with skips, normalised over the batch. Every lesson comes in a new disguise: turned,
-        cut out, mirrored, before other surroundings, among things of the colour of skin, in other light, soft, noisy,
-        compressed. Cross-entropy and overlap. AdamW, linear warm-up and decay; the weights of the best validation are kept.
-        The loop of all trainings: killed, it goes on to the same weights
-Fails   when a split has no pictures with hands, or none without
-Paper   takes the place of annotated hands (VISOR) where a video has none; no paper
+Method  a small U-Net with batch normalisation. Every picture is augmented: rotation, crop, mirror, background, skin-coloured
+        distractors, light, blur, noise, JPEG. Cross-entropy and Dice losses. AdamW, linear warm-up and decay; the weights of the
+        best validation are kept. A killed training resumes to the same weights
+Fails   when a split lacks pictures with hands, or pictures without
+Paper   replaces annotated hands (VISOR) for video without masks; no paper
 """
 
 from __future__ import annotations
@@ -29,30 +28,32 @@ MEMORY_GIB = 3.0
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of `hands_train`."""
+
     steps: int = 4000
     """steps of the optimiser"""
     batch: int = 16
     """pictures in a step"""
     width_px: int = 160
-    """width of what is cut out of a lesson"""
+    """width of a crop"""
     height_px: int = 96
-    """height of what is cut out of a lesson"""
+    """height of a crop"""
     lr: float = 3e-3
-    """learning rate after the warm-up; it falls linearly to 0"""
+    """learning rate after the warm-up; it decays linearly to 0"""
     warmup: int = 50
     """steps of linear warm-up"""
     weight_decay: float = 0.02
-    """of AdamW"""
+    """weight decay of AdamW"""
     validate_every: int = 1000
     """steps between two validations"""
     judged: int = 96
-    """disguised pictures of the validation rooms that judge"""
+    """augmented pictures of the validation rooms per validation"""
     seed: int = 0
-    """seed of weights, order and disguises"""
+    """seed of weights, order and augmentation"""
 
 
 def run(lessons: tuple[HandLessons, ...], params: Params, ctx: Context) -> Trained:
-    """Train in the scratch folder, where a killed training goes on."""
+    """Train in the scratch folder; a killed training resumes there."""
     from afford.common.files import tree
     from afford.extraction.hands import network
     from afford.extraction.hands import train as finder

@@ -1,8 +1,8 @@
-"""clip -> the same clip with fewer key frames.
+"""Drop key frames of a clip.
 
 Reads   Clip
-Writes  Clip with every n-th key frame, the first one always kept
-Method  used by the quality report, to see what a wider gap between annotations costs
+Writes  Clip with every n-th key frame, including the first
+Method  used by the quality report to measure the effect of a wider gap between annotations
 Fails   never
 """
 
@@ -19,6 +19,8 @@ MEMORY_GIB = 0.2
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of `key_thin`."""
+
     stride: int = 2
     """keep every n-th key frame"""
 

@@ -1,12 +1,11 @@
-"""Sparse key-frame masks and frames -> a mask of every hand and every touched object on every frame.
+"""Propagate sparse key-frame masks to a mask of every hand and every touched object on every frame.
 
 Reads   Clip (key frames, contact), Frames (t h w 3); files of a model (sam2).
 Writes  Tracks: visible masks (n t h w) that do not overlap, confidence, flags, source key frame, contact of each hand.
-Method  `flow` (default, CPU, deterministic): optical flow from both bracketing key frames, fused and refined;
-        `nearest` repeats the nearest key frame; `dense` takes VISOR's ready-made tracks; `sam2` (weights
-        needed, GPU advised) follows the masks of key frames both ways and trusts the nearer one more.
-        Motion is never chained across missing frames. Entities are linked by side or name, same-name objects of one
-        image by propagated overlap.
+Method  `flow` (default, CPU, deterministic): optical flow from both bracketing key frames, refined by patch matching;
+        `nearest` copies the nearest key frame; `dense` copies the dense annotations of VISOR; `sam2` (weights needed, GPU
+        advised) propagates masks in both directions, weighted by nearness. Motion is never chained across missing frames.
+        Entities are linked by side or name, same-name objects of one image by propagated overlap.
 Fails   when no key frame of the clip was decoded.
 Paper   2HandedAfforder section 3 (XMem, 10 frames each way); VISOR (Darkhalil et al. 2022) for masks and contact.
 """
@@ -36,8 +35,10 @@ BACKENDS = {
 
 @dataclass(frozen=True)
 class Params(Tracking):
+    """Parameters of `mask_densify`."""
+
     backend: str = "flow"
-    """how labels spread from key frames: flow, nearest, dense (ready-made VISOR tracks), or sam2"""
+    """backend that propagates labels: flow, nearest, dense (dense annotations of VISOR), or sam2"""
     flow: Flow = Flow()
     """parameters of flow"""
     sam2: Sam2 = Sam2()
@@ -45,12 +46,12 @@ class Params(Tracking):
 
 
 def run(clip: Clip, frames: Frames, params: Params, weights: FileTree | None = None) -> Tracks:
-    """Tracks of the clip on every frame of `frames`; ValueError when none of its key frames is among them."""
+    """Densify the masks of a clip on every frame of `frames`; ValueError when `frames` contain no key frame."""
     from functools import partial
 
     from afford.common.registry import block, load
     from afford.extraction.tracks.densify import densify
-    from afford.models.weights import with_weights
+    from afford.models.weights import with_local_weights
 
-    propagate = partial(load(BACKENDS, params.backend), params=with_weights(block(params, params.backend), weights))
+    propagate = partial(load(BACKENDS, params.backend), params=with_local_weights(block(params, params.backend), weights))
     return densify(clip, frames, propagate, params, dense=params.backend == "dense")

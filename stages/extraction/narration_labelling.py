@@ -1,9 +1,9 @@
-"""narration intervals -> verb, noun, classes and text of every frame.
+"""Label every frame with the verb, noun, classes and text of the narrations that cover it.
 
 Reads   Clip (narrations), Frames (frame numbers)
 Writes  FrameLabels: (frame, narration) pairs, ids of narrations that match no frame, ids dropped because of their verb
-Method  a frame takes the narrations whose interval holds it; overlaps are settled by `policy`. Verbs and nouns outside EPIC's
-        map stay classes of their own. Which hand acts is never read off the words
+Method  a frame gets the narrations whose interval contains it; `policy` resolves overlaps. Verbs and nouns outside EPIC's map are
+        classes of their own. The acting hand is never derived from the text
 Fails   unknown policy
 Paper   2HandedAfforder section 3 (labels from narrations); the released code is `policy=last`
 """
@@ -27,10 +27,12 @@ POLICIES = {
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of `narration_labelling`."""
+
     policy: str = "last"
-    """which of several narrations labels a frame: last in the file, shortest interval, or all of them"""
+    """choice among several narrations of a frame: last in the file, shortest interval, or all"""
     excluded: tuple[str, ...] = ("eat", "look", "search", "feel", "transition", "wait", "smell", "finish", "unfreeze")
-    """verbs, or keys of verb classes, that say nothing about where to hold"""
+    """verbs, or keys of verb classes, without information about where to hold"""
 
 
 def run(clip: Clip, frames: Frames, params: Params) -> FrameLabels:

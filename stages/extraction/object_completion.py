@@ -1,12 +1,12 @@
-"""visible object masks + frames with and without hands -> complete (amodal) object masks.
+"""Complete the masks of touched objects behind hands and other objects (amodal completion).
 
-Reads   Frames; Tracks (n t h w), visible parts; Inpainted (backends that look at the image without hands);
+Reads   Frames; Tracks (n t h w), visible masks; Inpainted (for backends that use the image without hands);
         files of a model (sam2)
 Writes  CompleteObjects: every object that a hand ever touches, complete in every frame, with confidence
-Method  `template` follows each object and lets all frames vote on its hidden pixels; `hull` and `visible` are the
-        baselines; `sam2` is learned (weights needed, GPU advised). Deterministic. A complete mask holds the visible one;
-        the rest lies behind other masks
-Fails   when the inputs are not of the same frames and size
+Method  `template` tracks each object and lets all frames vote on its hidden pixels; `hull` and `visible` are the baselines;
+        `sam2` is learned (weights needed, GPU advised). Deterministic. A complete mask contains the visible one; its other
+        pixels are behind other masks
+Fails   when the inputs differ in frames or size
 Paper   2HandedAfforder, object completion (SAM2 from the frame to its inpainted twin)
 """
 
@@ -39,6 +39,8 @@ BACKENDS = {
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of `object_completion`."""
+
     backend: str = "template"
     """template, hull, visible or sam2"""
     sam2: Sam2 = Sam2()
@@ -51,10 +53,10 @@ def run(frames: Frames, tracks: Tracks, inpainted: Inpainted, params: Params, we
 
     from afford.common.registry import block, load
     from afford.extraction import layers
-    from afford.models.weights import with_weights
+    from afford.models.weights import with_local_weights
 
     _check(frames, tracks, inpainted)
-    complete, own = load(BACKENDS, params.backend), with_weights(block(params, params.backend), weights)
+    complete, own = load(BACKENDS, params.backend), with_local_weights(block(params, params.backend), weights)
     indices = layers.touched_indices(tracks)
     masks = np.zeros((len(indices), *tracks.masks.shape[1:]), bool)
     confidence = np.zeros(masks.shape[:2], np.float32)
@@ -68,7 +70,7 @@ def run(frames: Frames, tracks: Tracks, inpainted: Inpainted, params: Params, we
 
 
 def _hidden_nearby(visible: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """(t,) bool: whether another mask touches the visible one, so that part of it may be hidden; also where none is visible."""
+    """Frames (t,) bool in which another mask touches the visible one, so that a part may be hidden, or no pixel is visible."""
     from afford.common.masks import dilate
 
     touching = (dilate(visible, 3) & others).any(axis=(1, 2))

@@ -1,10 +1,10 @@
-"""everything extracted from a clip -> samples: image without hands, affordances, complete objects, task, motion.
+"""Assemble the samples of a clip: image without hands, affordances, complete objects, task, motion.
 
 Reads   Clip, Frames, Inpainted, Tracks, CompleteObjects, Affordances, FrameLabels of one clip, all on the same frames
-Writes  Samples: one per accepted and narrated frame (per narration under the policy `all`), and why the others gave none
-Method  keeps frames by rejection, narration, distance to the key frame, quality and stride, in this order; the image is JPEG;
-        motion = mask centroids of each hand and its object at equal steps after the sample, NaN when unseen
-Fails   when the inputs disagree about the frames
+Writes  Samples: one per accepted and narrated frame (per narration under the policy `all`), and a reason for every other frame
+Method  selects frames by rejection, narration, distance to the key frame, quality and stride, in this order; the image is JPEG;
+        motion = mask centroids of each hand and its object at equal steps after the sample, NaN when invisible
+Fails   when the inputs have different frames
 Paper   2HandedAfforder, data set extraction: samples keep inpainted image, object and affordance masks, and text
 """
 
@@ -23,16 +23,18 @@ MEMORY_GIB = 1.0
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of `sample_assemble`."""
+
     stride_frames: int = 1
     """smallest distance between two samples of a clip; 1 keeps every frame, as the paper does"""
     max_key_distance: int = 0
-    """farthest a mask may be from its key frame, in frames; 0 = no limit, 10 = as the released code"""
+    """largest distance of a mask from its key frame, in frames; 0 = no limit, 10 = as in the released code"""
     min_quality: float = 0.0
     """lowest quality of a sample, 0..1"""
     jpeg_quality: int = 95
     """quality of the image, 1..100"""
     motion_s: float = 1.0
-    """how long after the sample the motion is followed, in seconds"""
+    """length of the motion after the sample, in seconds"""
     motion_steps: int = 11
     """points of each path, the first at the sample itself, the last at motion_s"""
 
@@ -47,7 +49,7 @@ def run(
     labels: FrameLabels,
     params: Params,
 ) -> Samples:
-    """The samples of one clip, by frame."""
+    """Assemble the samples of one clip, by frame."""
     from afford.dataset import extraction_samples
     from afford.dataset.extraction_samples import MotionPaths
 

@@ -58,9 +58,8 @@ class Params:
 def run(hand: HandModel, mesh: ObjectMesh, parts: MeshParts, body: GraspObject, descriptions: PartDescriptions, model: FileTree,
         params: Params, ctx: Context) -> GraspComparison:  # fmt: skip
     """Execute all grasps."""
-    from afford.grasping.candidates.compare import Subject, Trials, compare_masks
+    from afford.grasping.candidates.compare import Subject, Trials, ViewCamera, compare_masks
     from afford.grasping.candidates.find import SearchParams
-    from afford.grasping.candidates.render_view import ViewCamera
     from afford.surface.positive.predict import load_region_predictor
 
     ask = load_region_predictor(model, mesh.category, ctx.scratch / "model") if model.files else None

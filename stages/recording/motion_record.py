@@ -1,10 +1,10 @@
-"""motions of people and what became of them -> their recording.
+"""Record human hand motions and their retargeting.
 
 Reads   HandModel; HandMotion of every clip (motion_read or motion_synthesise); the Retargeted of each (hand_retarget)
-Writes  FileTree of one file, <stage>.mcap: the person's keypoints and bones, the links of the robot hand, how far off it is,
-        pictures of both; the parameters
+Writes  FileTree of one file, <stage>.mcap: the person's keypoints and bones, the links of the robot hand, the errors, pictures of
+        both; the parameters
 Method  clips follow each other a second apart; links by forward kinematics; a software renderer
-Fails   when there is no clip, or one that was not retargeted
+Fails   without clips, or when a clip was not retargeted
 Paper   AffordDex, HTI: the motions that are imitated
 """
 
@@ -24,16 +24,18 @@ MEMORY_GIB = 1.0
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of `motion_record`."""
+
     stage: str = "motion_read"
-    """the stage that read or made the motions; its name is the first word of their topics"""
+    """stage that produced the motions; its name is the first word of their topics"""
     clips: int = 6
-    """clips that are recorded, spread over all; 0 for all"""
+    """number of recorded clips, spread over all; 0 for all"""
     pictures_hz: float = 10.0
-    """pictures a second, at most"""
+    """maximum number of pictures per second"""
     width: int = 320
-    """of the pictures, px"""
+    """width of the pictures, px"""
     height: int = 240
-    """of the pictures, px"""
+    """height of the pictures, px"""
     parameters: tuple[tuple[str, str], ...] = ()
     """(stage, its parameters as JSON)"""
 
@@ -44,23 +46,23 @@ def run(hand: HandModel, motions: tuple[HandMotion, ...], clips: tuple[Retargete
     import numpy as np
 
     from afford.grasping.env.rendering import MotionRenderer
-    from afford.recording.files import as_tree, write
-    from afford.recording.of_motion import Clip, record
+    from afford.recording.mcap_files import as_tree, write_recording
+    from afford.recording.motions import MotionClip, record_motions
     from afford.recording.provenance import of_value, with_parameters
 
     fitted = {one.name: one for one in clips}
     if missing := [one.name for one in motions if one.name not in fitted]:
-        raise ValueError(f"motion_record: expected a retargeted clip for each motion, got none for {missing[0]}")
+        raise ValueError(f"motion_record: no retargeted clip of the motion {missing[0]}; give one for each motion")
     if not motions or params.clips < 0 or params.pictures_hz <= 0:
         raise ValueError(f"motion_record: expected motions, clips of 0 or more and pictures_hz above 0, got {len(motions)} motions,"
                          f" {params.clips} and {params.pictures_hz:g}")
     chosen = np.linspace(0, len(motions) - 1, min(params.clips or len(motions), len(motions))).round().astype(int)
-    shown = [Clip(motions[k], fitted[motions[k].name]) for k in dict.fromkeys(chosen.tolist())]
-    recording = record(params.stage, shown, MotionRenderer(hand, params.width, params.height), params.pictures_hz)
+    shown = [MotionClip(motions[k], fitted[motions[k].name]) for k in dict.fromkeys(chosen.tolist())]
+    recording = record_motions(params.stage, shown, MotionRenderer(hand, params.width, params.height), params.pictures_hz)
     recording = of_value(recording, "hand_model", hand)
     for clip in shown:
         recording = of_value(recording, params.stage, clip.motion, clip.motion.name)
         recording = of_value(recording, "hand_retarget", clip.fitted, clip.fitted.name)
     path = ctx.scratch / f"{params.stage}.mcap"
-    write(path, with_parameters(recording, params.parameters))
+    write_recording(path, with_parameters(recording, params.parameters))
     return as_tree(params.stage, path)

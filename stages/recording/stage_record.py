@@ -1,10 +1,10 @@
-"""what a stage made of one clip -> its recording: an MCAP file that Foxglove and Rerun open.
+"""Record the output of one stage for one clip: an MCAP file for Foxglove and Rerun.
 
 Reads   the output of the stage; Frames, for the media time of every frame number
-Writes  FileTree of one file, <clip>.mcap: protobuf messages, foxglove.* schemas where there is one, media time as log time
-Method  one recorder per stage (afford/recording/of_*.py): JPEG frames, masks as PNG of 0 and 255, metrics as flat doubles;
-        the content digests of what is recorded stand in its metadata
-Fails   when a frame of the output was not decoded (key frames of the source apart: those are left out)
+Writes  FileTree of one file, <clip>.mcap: protobuf messages, foxglove.* schemas if there is one, media time as log time
+Method  one recorder per stage (afford/recording/extraction_*.py): JPEG frames, masks as PNG of 0 and 255, metrics as flat doubles;
+        the metadata contains the content digests of the recorded values
+Fails   when a frame of the output was not decoded (key frames of the source are left out instead)
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ THREADS = 1
 MEMORY_GIB = 1.0
 
 STAGES = {
-    "source_read": "afford.recording.of_clip:record",
-    "hand_detect": "afford.recording.of_found:record",
-    "frame_decode": "afford.recording.of_frames:record",
-    "mask_densify": "afford.recording.of_tracks:record",
-    "hand_inpaint": "afford.recording.of_inpainted:record",
-    "object_completion": "afford.recording.of_complete:record",
-    "affordance_intersect": "afford.recording.of_affordances:record",
-    "narration_labelling": "afford.recording.of_labels:record",
-    "sample_assemble": "afford.recording.of_samples:record",
+    "source_read": "afford.recording.extraction_sources:record_clip",
+    "hand_detect": "afford.recording.extraction_sources:record_detections",
+    "frame_decode": "afford.recording.extraction_sources:record_frames",
+    "mask_densify": "afford.recording.extraction_results:record_tracks",
+    "hand_inpaint": "afford.recording.extraction_results:record_inpainted",
+    "object_completion": "afford.recording.extraction_results:record_completion",
+    "affordance_intersect": "afford.recording.extraction_results:record_affordances",
+    "narration_labelling": "afford.recording.extraction_sources:record_narrations",
+    "sample_assemble": "afford.recording.extraction_results:record_samples",
 }
 
 Recorded = Clip | Frames | Tracks | Inpainted | CompleteObjects | Affordances | FrameLabels | Samples
@@ -39,17 +39,19 @@ Recorded = Clip | Frames | Tracks | Inpainted | CompleteObjects | Affordances | 
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of `stage_record`."""
+
     stage: str
-    """the stage whose output is recorded, a key of STAGES"""
+    """stage whose output is recorded, a key of STAGES"""
 
 
 def run(value: Recorded, frames: Frames, params: Params, ctx: Context) -> FileTree:
     """Write the recording of one stage of one clip; ValueError when a frame has no time."""
     from afford.common.registry import load
-    from afford.recording.files import as_tree, write
+    from afford.recording.mcap_files import as_tree, write_recording
     from afford.recording.provenance import with_provenance
 
     path = ctx.scratch / f"{value.clip_id}.mcap"
     recording = load(STAGES, params.stage)(value, frames)
-    write(path, with_provenance(recording, params.stage, value, frames))
+    write_recording(path, with_provenance(recording, params.stage, value, frames))
     return as_tree(value.clip_id, path)

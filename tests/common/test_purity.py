@@ -8,7 +8,7 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 
 from afford.codecs import CODEC
-from afford.common.worker import FONT_FOLDER, use_kernel_cache
+from afford.common.worker import FONT_FOLDER
 from runner import RunReport
 from runner.fingerprint import fingerprint
 from runner.modules import Modules
@@ -44,61 +44,58 @@ COMPARED = ("predict_cases", "baseline_cases", "score_cases", "benchmark")
 OTHER_STYLE = "figure.dpi: 33\nlines.linewidth: 9\nsavefig.facecolor: red\nimage.cmap: gray\n"
 
 
-class Probe:
-    """The server of `tests/helpers/purity_probe.py`, in another environment than that of the tests."""
+class Server:
+    """A process of `tests/helpers/purity_probe.py` in an environment, and a folder for its compiled kernels."""
 
-    def __init__(self) -> None:
-        kind = {name: os.environ[name] for name in MACHINE_KIND if name in os.environ}
+    def __init__(self, environment: Mapping[str, str], kernels: Path) -> None:
+        self._kernels = kernels
         command = [sys.executable, str(ROOT / "tests" / "helpers" / "purity_probe.py")]
-        environment = OTHER_ENVIRONMENT | kind
         self._process = subprocess.Popen(command, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
 
-    def replay(self, tasks: list[dict[str, Any]], allowed: list[str], store: Path, folder: Path) -> list[dict[str, Any]]:
-        """Run tasks again in one fresh process, which may open the files of the project that are `allowed`."""
-        work, elsewhere = folder / "work", folder / "elsewhere"
-        work.mkdir()
-        elsewhere.mkdir()
-        (elsewhere / "matplotlibrc").write_text(OTHER_STYLE)
-        kernels = use_kernel_cache(ROOT, store)
-        kernels.mkdir(parents=True, exist_ok=True)
-        job = {"root": str(ROOT), "store": str(store), "work": str(work), "elsewhere": str(elsewhere),
-               "sources": allowed, "tasks": tasks, "models": [model for task in tasks for model in models(task["params"])],
-               "environment": {"NUMBA_CACHE_DIR": str(kernels), "MPLCONFIGDIR": str(store / ".cache" / FONT_FOLDER)}}
-        (folder / "job.json").write_text(json.dumps(job))
+    def do(self, folder: Path, store: Path, **job: Any) -> Path:
+        """Do a job with the fonts of a store, and return its answer."""
+        environment = {"NUMBA_CACHE_DIR": str(self._kernels), "MPLCONFIGDIR": str(store / ".cache" / FONT_FOLDER)}
+        (folder / "job.json").write_text(json.dumps({"root": str(ROOT), "store": str(store), "environment": environment, **job}))
         assert self._process.stdin and self._process.stdout
         print(folder / "job.json", file=self._process.stdin, flush=True)
         code = int(self._process.stdout.readline())
         assert code == 0, (folder / "error.txt").read_text()
-        answers: list[dict[str, Any]] = json.loads((folder / "answer.json").read_text())
-        return answers
+        return folder / "answer.json"
 
     def close(self) -> None:
-        """End the server."""
+        """End the process."""
         self._process.communicate()
 
 
 @pytest.fixture(scope="module")
-def probe() -> Iterator[Probe]:
-    """One server for all stages."""
-    server = Probe()
+def kernels(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder for compiled kernels, so that each is compiled once."""
+    return shared(tmp_path_factory, "kernels", lambda folder: None)
+
+
+@pytest.fixture(scope="module")
+def probe(kernels: Path) -> Iterator[Server]:
+    """The server that replays stages, in another environment than that of the first run."""
+    server = Server(OTHER_ENVIRONMENT | {name: os.environ[name] for name in MACHINE_KIND if name in os.environ}, kernels)
     yield server
     server.close()
 
 
 @pytest.fixture(scope="module")
-def filled(tmp_path_factory: pytest.TempPathFactory) -> Callable[[Maker], Path]:
+def filled(tmp_path_factory: pytest.TempPathFactory, kernels: Path) -> Iterator[Callable[[Maker], Path]]:
     """The store that a maker fills when it is first needed."""
+    server = Server(os.environ, kernels)
 
     def store(maker: Maker) -> Path:
         def fill(folder: Path) -> None:
             (folder / "store").mkdir()
             (folder / "files").mkdir()
-            use_kernel_cache(ROOT, folder / "store")
-            maker(folder / "store", folder / "files")
+            server.do(folder, folder / "store", maker=maker.__name__, files=str(folder / "files"))
 
         return shared(tmp_path_factory, maker.__name__, fill) / "store"
 
-    return store
+    yield store
+    server.close()
 
 
 @pytest.fixture(scope="module")
@@ -108,7 +105,7 @@ def benchmarked(compared: tuple[Path, RunReport]) -> Path:
 
 
 @pytest.mark.parametrize("stage", STAGES)
-def test_stage_is_pure(stage: str, made: Made, filled: Callable[[Maker], Path], probe: Probe, request: pytest.FixtureRequest,
+def test_stage_is_pure(stage: str, made: Made, filled: Callable[[Maker], Path], probe: Server, request: pytest.FixtureRequest,
                        tmp_path: Path) -> None:  # fmt: skip
     """With another working directory, environment, clock, hash seed and random state, and read-only inputs, it gives the
     bytes that it gave before, opens no undeclared file, starts no process, opens no connection and prints nothing.
@@ -118,7 +115,7 @@ def test_stage_is_pure(stage: str, made: Made, filled: Callable[[Maker], Path], 
         store = request.getfixturevalue("benchmarked")
     traces = one_of_each(Traces(store).all(), f"{MODULES[stage]}:run")
     assert traces, f"no run of stages/{stage}.py to repeat: add it to a target of the tiny source"
-    answers = probe.replay(list(map(task, traces)), sources(traces), store, tmp_path)
+    answers = replay(probe, list(map(task, traces)), sources(traces), store, tmp_path)
     for trace, answer in zip(traces, answers, strict=True):
         assert not answer["problems"], "\n".join([trace.stage, *answer["problems"]])
         before = blobs(Store(store, CODEC), trace.output)
@@ -133,7 +130,7 @@ def one_of_each(traces: Iterable[Trace], function: str) -> list[Trace]:
     return list({trace.stage: trace for trace in mine}.values())
 
 
-def test_impure_stages_are_detected(made: Made, probe: Probe, tmp_path: Path) -> None:
+def test_impure_stages_are_detected(made: Made, probe: Server, tmp_path: Path) -> None:
     """Every way of cheating gives another output or is seen. (What libraries open by themselves is seen with Landlock only.)"""
     store = Store(tmp_path / "store", CODEC)
     prepare_store(store.root)
@@ -143,10 +140,22 @@ def test_impure_stages_are_detected(made: Made, probe: Probe, tmp_path: Path) ->
     functions = [f"tests.helpers.impure_stages:{cheat.__name__}" for cheat in CHEATS]
     tasks = [task(replace(trace, function=function, inputs=given)) | {"params": {}} for function in functions]
     before = [store.put_leaf(cheat(deepcopy(clip), impure_stages.Params())) for cheat in CHEATS]
-    answers = probe.replay(tasks, [impure_stages.__file__], store.root, tmp_path)
+    answers = replay(probe, tasks, [impure_stages.__file__], store.root, tmp_path)
     unseen = [cheat.__name__ for cheat, answer, output in zip(CHEATS, answers, before, strict=True)
               if not answer["problems"] and answer["output"] == output]
     assert unseen == ([] if landlock.available() else ["file_behind_python"])
+
+
+def replay(probe: Server, tasks: list[dict[str, Any]], allowed: list[str], store: Path, folder: Path) -> list[dict[str, Any]]:
+    """Run tasks again in one fresh process, which may open the files of the project that are `allowed`."""
+    work, elsewhere = folder / "work", folder / "elsewhere"
+    work.mkdir()
+    elsewhere.mkdir()
+    (elsewhere / "matplotlibrc").write_text(OTHER_STYLE)
+    found = probe.do(folder, store, work=str(work), elsewhere=str(elsewhere), sources=allowed, tasks=tasks,
+                     models=[model for task in tasks for model in models(task["params"])])  # fmt: skip
+    answers: list[dict[str, Any]] = json.loads(found.read_text())
+    return answers
 
 
 def models(params: dict[str, Any]) -> list[str]:

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from afford.common.files import tree
-from afford.grasping.candidates.compare import masks
+from afford.grasping.candidates.compare import ViewCamera, masks, render_view
 from afford.grasping.candidates.comparison_report import differences, shares, table
-from afford.grasping.candidates.render_view import ViewCamera, render_view
 from schemas.files import FileTree
 from schemas.grasp import FIGURES, METHODS, GraspComparison, GraspObject
 from schemas.mesh import ObjectSpec, PartedMesh

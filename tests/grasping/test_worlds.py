@@ -84,7 +84,7 @@ def test_process_worlds_equal_thread_worlds() -> None:
     assert same(one.restore(tokens[0]), two.restore(tokens[1]))
     assert same(after, one.step(U, CONTROL_S))
     assert same(after, two.step(U, CONTROL_S))
-    assert same(one.alone(2).step(U[2], CONTROL_S), two.alone(2).step(U[2], CONTROL_S))
+    assert same(one.single_world(2).step(U[2], CONTROL_S), two.single_world(2).step(U[2], CONTROL_S))
     one.close()
     two.close()
     two.close()

@@ -43,7 +43,7 @@ def hand() -> np.ndarray:
 
 
 def record() -> dict[str, object]:
-    """Every field of our own format."""
+    """Build a record with all fields of our own format."""
     pose = np.tile([0.1, 0.2, 0.9, 0.0, 0.0, 0.0, 1.0], (FRAMES, 1))
     return {"keypoints": hand() * 1000, "fps": 60.0, "hand": "right", "unit": "mm", "phase": ["reach"] * 2 + ["hold"] * 2,
             "object_name": "cup", "object_pose": pose * [1000, 1000, 1000, 1, 1, 1, 1],

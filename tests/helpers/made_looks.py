@@ -22,8 +22,9 @@ def nothing(place: np.ndarray) -> np.ndarray:
 
 def rod(left: Where = nothing, right: Where = nothing, negative: Where = nothing, yaw_rad: float = 0.0, table: bool = True,
         noise_m: float = 0.0) -> tuple[GraspScene, np.ndarray]:  # fmt: skip
-    """A rod along x that lies on a table, seen from before and above; and T_world_cam (4, 4). Regions are told by places in the
-    rod's own frame; hands are taken that have one.
+    """Render a rod along x on a table, from the front and above, and return T_world_cam (4, 4) as well.
+
+    Regions are functions of places in the rod's frame; hands with a region are in use.
     """
     bar = trimesh.creation.cylinder(RADIUS_M, LENGTH_M, sections=32)
     turn = trimesh.transformations.rotation_matrix(yaw_rad, [0, 0, 1])

@@ -32,7 +32,7 @@ HANDLE_ALONG_X = np.array([[0.0, 0, 1, 0], [0, 1, 0, 0], [-1, 0, 0, 0], [0, 0, 0
 
 
 def trajectory(hand: HandModel, frames: int, seed: int, *, share: float = 0.8) -> np.ndarray:
-    """(t, d) sines of all motors and of the wrist within that share of their range, coupled joints with their drivers."""
+    """Return (t, d) sines of all motors and of the wrist within a share of their range; coupled joints follow their drivers."""
     rng = np.random.default_rng(seed)
     columns = [moving_joints(hand.joints).tolist().index(k) for k in commanded_joints(hand.joints)]
     low, high = joint_limits(hand.joints)[columns].T
@@ -46,12 +46,12 @@ def trajectory(hand: HandModel, frames: int, seed: int, *, share: float = 0.8) -
 
 
 def own_motion(hand: HandModel, q: np.ndarray, rate_hz: float = 60.0) -> HandMotion:
-    """What a tracker would see of the robot hand."""
+    """Return the keypoints that a tracker would measure on the robot hand."""
     return hand_motion("own", "test", hand.side, rate_hz, keypoints_of(hand, forward_kinematics(hand.joints, q)), where="test")
 
 
 def keypoints_of(hand: HandModel, T: np.ndarray) -> np.ndarray:
-    """(n, l, 4, 4) poses of all links -> (n, 21, 3), as a person's hand would be read; nan for fingers that the hand lacks."""
+    """Return keypoints (n, 21, 3) for poses (n, l, 4, 4) of all links; NaN for fingers that the hand lacks."""
     which = hand_points(hand)
     out = np.full((len(T), 21, 3), np.nan)
     out[:, 0] = T[:, hand.palm, :3, 3]
@@ -65,7 +65,7 @@ def tree(*paths: Path) -> FileTree:
 
 
 def rod(diameter_m: float = 0.04, handle: np.ndarray = HANDLE_ALONG_X) -> GraspTarget:
-    """A rod that lies along x unless told otherwise."""
+    """Build a rod along x, or along another handle."""
     return GraspTarget("rod", "rod", np.array([0.1, 0.3, 0.05, 0, 0, 0, 1.0]), handle, diameter_m)
 
 

@@ -209,13 +209,12 @@ def _of_now(read: Any) -> Any:
 
 
 def serve() -> None:
-    """Replay the jobs whose files are named on stdin, each in a process of its own, and write its exit code to stdout.
+    """Do the jobs whose files are named on stdin, each in a process of its own, and write its exit code to stdout.
 
     The libraries of `EARLY` are loaded once, before the processes are forked. The answer is written beside the job.
     """
     for name in EARLY:
         importlib.import_module(name)
-    fake_clock()
     for line in sys.stdin:
         child = os.fork()
         if not child:
@@ -225,20 +224,33 @@ def serve() -> None:
 
 
 def _answer(path: Path) -> None:
-    """Replay a job and leave the process. Files are opened before the watch begins."""
+    """Do a job and leave the process. Files are opened before the watch begins."""
     answer, error = path.with_name("answer.json").open("w"), path.with_name("error.txt").open("w")
     code = 1
     try:
         job = json.loads(path.read_text())
-        os.chdir(job["elsewhere"])
         os.environ.update(job["environment"])
-        json.dump(main(job), answer)
+        if "maker" in job:
+            _fill(job)
+        else:
+            os.chdir(job["elsewhere"])
+            fake_clock()
+            json.dump(main(job), answer)
         code = 0
     except BaseException:
         error.write(traceback.format_exc())
     answer.close()
     error.close()
     os._exit(code)
+
+
+def _fill(job: dict[str, Any]) -> None:
+    """Fill a store by a maker of `purity_stores`, with the standard output on standard error."""
+    sys.path[0] = job["root"]
+    os.dup2(2, 1)
+    from tests.helpers import purity_stores
+
+    getattr(purity_stores, job["maker"])(Path(job["store"]), Path(job["files"]))
 
 
 if __name__ == "__main__":

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from afford.common.drawing import GAP, TITLE_H
-from afford.recording.grasp_strips import SHOWN, SIDE
-from afford.recording.layout import IN_PANELS
-from afford.recording.own_types import MESSAGES
+from afford.recording.foxglove_layout import IN_PANELS
+from afford.recording.messages import MESSAGES
+from afford.recording.strips import GRASP_MOMENTS, GRASP_SIDE
 from afford.recording.summary import summarise
 from pipeline import main
 from stages.recording import grasp_record
@@ -41,9 +41,9 @@ def test_a_sheet_shows_each_episode(recording: Path, tmp_path: Path) -> None:
     """A line of words and a strip of moments; the hand moves from one to the next."""
     assert main(["inspect", str(recording), "--sheet", str(tmp_path / "sheet.png")]) == 0
     sheet = cv2.imread(str(tmp_path / "sheet.png")).astype(int)
-    tall = TITLE_H + round(72 * SIDE / 96) + GAP
-    assert sheet.shape == (2 * tall, SHOWN * (SIDE + GAP), 3)
-    strip = sheet[TITLE_H : tall - GAP].reshape(tall - TITLE_H - GAP, SHOWN, SIDE + GAP, 3)
+    tall = TITLE_H + round(72 * GRASP_SIDE / 96) + GAP
+    assert sheet.shape == (2 * tall, GRASP_MOMENTS * (GRASP_SIDE + GAP), 3)
+    strip = sheet[TITLE_H : tall - GAP].reshape(tall - TITLE_H - GAP, GRASP_MOMENTS, GRASP_SIDE + GAP, 3)
     assert all(np.abs(strip[:, k] - strip[:, k + 1]).mean() > 0.5 for k in range(4))
 
 

@@ -21,8 +21,8 @@ from afford.grasping.env.rendering import pose_matrix
 from afford.grasping.hand.link_meshes import link_meshes
 from afford.recording.check_content import check_content
 from afford.recording.check_file import check_file
-from afford.recording.content import EPOCH_NS
-from afford.recording.of_grasp import FIGURES, FORCE, IMAGE, LENS, OBJECT, PALM, POINTS, ROOM, SCENE, STATE, TRANSFORMS
+from afford.recording.grasps import FIGURES, FORCE, GRASPS, IMAGE, LENS, OBJECT, PALM, POINTS, SCENE, STATE, TRANSFORMS
+from afford.recording.mcap_files import EPOCH_NS
 from afford.recording.spatial import POINT
 from schemas.files import FileTree
 from stages.recording import grasp_record
@@ -67,13 +67,13 @@ def test_the_numbers_are_those_of_the_traces(said: dict[str, list[tuple[int, Any
     when = [time for time, _ in said[STATE]]
     assert when == [k * STEP_NS for k in range(rows)] + [(rows - 1) * STEP_NS + 10**9 + k * STEP_NS for k in range(rows)]
     names = [name for name, kind in zip(hand.joints.name, hand.joints.kind, strict=True) if kind != "fixed"]
-    joints = np.array([[value.value for _, value in said[f"{ROOM}/joints/{name}"]] for name in names]).T
+    joints = np.array([[value.value for _, value in said[f"{GRASPS}/joints/{name}"]] for name in names]).T
     assert np.array_equal(joints, np.concatenate([trace.q for trace in traces]))
     for topic, field in ((PALM, "palm"), (OBJECT, "body")):
         poses = np.array([_pose(value.pose) for _, value in said[topic]])
         assert np.array_equal(poses, np.concatenate([getattr(trace, field) for trace in traces]))
     for term, name in enumerate(traces[0].terms):
-        values = [value.value for _, value in said[f"{ROOM}/reward/{name}"]]
+        values = [value.value for _, value in said[f"{GRASPS}/reward/{name}"]]
         assert values == [x for trace in traces for x in trace.reward[:, term].tolist()]
     fingers = [*hand.fingers.name, "rest"]
     force = np.array([[getattr(value, f"{name}_n") for name in fingers] for _, value in said[FORCE]])
@@ -102,7 +102,7 @@ def test_transforms_put_points_where_the_trace_has_them(said: dict[str, list[tup
     assert np.allclose(frames["object"][:3, 3], trace.body[ROW, :3], atol=1e-12)
     tips = zip(hand.fingers.tip_link.tolist(), trace.tips[ROW], strict=True)
     for link, tip in tips:
-        (_, message), = said[f"{ROOM}/points/{hand.links[link]}"]
+        (_, message), = said[f"{GRASPS}/points/{hand.links[link]}"]
         T, spots = frames[message.frame_id], np.frombuffer(message.data, POINT)["xyz"].astype(float)
         assert nearest(tip[None, None], (spots @ T[:3, :3].T + T[:3, 3])[None])[0].item() < 0.013
 

@@ -13,10 +13,10 @@ import pytest
 from afford.common.files import tree
 from afford.recording.check_content import check_content
 from afford.recording.check_file import check_file
-from afford.recording.layout import layout
+from afford.recording.contact_sheet import write_sheet
+from afford.recording.foxglove_layout import layout
+from afford.recording.interactions import ACTION, ATTENTION, DEPTH, FLOW, FRAME, LIKELIEST, LOG, TRUTH
 from afford.recording.moments import moments
-from afford.recording.of_interaction import ACTION, ATTENTION, DEPTH, FLOW, IMAGE, SAID, TRUTH, WORDS
-from afford.recording.sheet import write_sheet
 from afford.recording.summary import summarise
 from afford.rgbd.model.predictor import Predictor, first_frames, sequence_of
 from pipeline import main
@@ -72,13 +72,13 @@ def test_every_frame_has_what_was_seen_and_said(recorded: Path, model: Path) -> 
         assert depth.dtype == np.uint16 and np.array_equal(depth, (1000 * CLIP.depth_m[n]).round())
         expected = MOTION.colour[n - 1] if n else np.full((SIZE, SIZE, 3), 128)
         assert np.array_equal(moment.picture(FLOW), expected)
-        assert np.array_equal(moment.picture(SAID)[..., 3] > 0, found.label != BACKGROUND)
+        assert np.array_equal(moment.picture(LIKELIEST)[..., 3] > 0, found.label != BACKGROUND)
         state = moment.one(ACTION)
         assert [getattr(state, name) for name in AFFORDANCES] == pytest.approx(found.action.tolist(), abs=1e-6)
         assert state.said == AFFORDANCES[found.action.argmax()] and moment.picture(ATTENTION).std() > 0
-        assert moment.picture(IMAGE).shape == (SIZE, SIZE, 3) and (moment.one(TRUTH) is None) == (n < FRAMES - 1)
+        assert moment.picture(FRAME).shape == (SIZE, SIZE, 3) and (moment.one(TRUTH) is None) == (n < FRAMES - 1)
     assert np.array_equal(shown[-1].picture(TRUTH)[..., 3] > 0, CLIP.label != BACKGROUND)
-    assert "push is done" in shown[-1].one(WORDS).message
+    assert "push is done" in shown[-1].one(LOG).message
 
 
 def test_the_sheet_is_that_of_inspect(recorded: Path, tmp_path: Path) -> None:
@@ -116,6 +116,6 @@ def test_rerun_gets_pictures_and_curves(recorded: Path, tmp_path: Path) -> None:
     found: dict[str, set[str]] = {}
     for chunk in RrdReader(out).stream():
         found.setdefault(str(chunk.entity_path), set()).update(chunk.to_record_batch().schema.names)
-    assert {"/frame/image", "/said/affordance", "/confident/affordance", "/truth/affordance", "/attention", "/motion", "/log",
+    assert {"/frame/image", "/likeliest/affordance", "/confident/affordance", "/truth/affordance", "/attention", "/motion", "/log",
             *(f"/action/{name}" for name in AFFORDANCES)} <= set(found)  # fmt: skip
-    assert "DepthImage:meter" in found["/depth"] and "EncodedImage:blob" in found["/said/image"]
+    assert "DepthImage:meter" in found["/depth"] and "EncodedImage:blob" in found["/likeliest/image"]

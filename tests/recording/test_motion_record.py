@@ -12,7 +12,7 @@ from afford.grasping.env.rendering import placed_keypoints
 from afford.recording.check_content import check_content
 from afford.recording.check_file import check_file
 from afford.recording.moments import moments
-from afford.recording.of_motion import BONES, ERROR, IMAGE, SAID, TRANSFORMS
+from afford.recording.motions import BONES, ERROR, IMAGE, LOG, TRANSFORMS
 from schemas.hand import HandMotion, Retargeted
 from stages.grasping import hand_retarget, motion_synthesise
 from stages.recording import motion_record
@@ -44,12 +44,12 @@ def test_both_hands_move_and_what_was_dropped_is_a_warning(motions: tuple[HandMo
     path = made.files[0].path
     found = list(moments(path))
     count = {topic: sum(len(moment.values.get(topic, ())) for moment in found) for topic in
-             (TRANSFORMS, ERROR, BONES, IMAGE, SAID, "/motion_synthesise/keypoints", "/motion_synthesise/bones")}
+             (TRANSFORMS, ERROR, BONES, IMAGE, LOG, "/motion_synthesise/keypoints", "/motion_synthesise/bones")}
     (reference,) = clips[0].references
     rows, frames = len(reference.q), sum(len(motion.keypoints_m) for motion in motions)
     assert count[TRANSFORMS] == count[ERROR] == count[BONES] == rows and count[IMAGE] == -(-rows // 10)
-    assert count["/motion_synthesise/keypoints"] == count["/motion_synthesise/bones"] == frames and count[SAID] == 2
-    said = [(one.message, one.level) for moment in found for one in moment.values.get(SAID, ())]
+    assert count["/motion_synthesise/keypoints"] == count["/motion_synthesise/bones"] == frames and count[LOG] == 2
+    said = [(one.message, one.level) for moment in found for one in moment.values.get(LOG, ())]
     assert "kept" in said[0][0] and "dropped" in said[1][0] and said[1][1] > said[0][1]
     errors = [moment.one(ERROR).value for moment in found if ERROR in moment.values]
     assert np.allclose(errors, 1000 * reference.error_m)
@@ -65,7 +65,7 @@ def test_the_persons_points_lie_where_the_reference_is(motions: tuple[HandMotion
 
 
 def test_clips_that_do_not_fit_are_named(motions: tuple[HandMotion, ...], clips: tuple[Retargeted, ...], tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match="expected a retargeted clip for each motion, got none for"):
+    with pytest.raises(ValueError, match="no retargeted clip of the motion"):
         motion_record.run(shadow(), motions, clips[:1], SMALL, Scratch(tmp_path))
     with pytest.raises(ValueError, match="expected motions"):
         motion_record.run(shadow(), (), (), SMALL, Scratch(tmp_path))

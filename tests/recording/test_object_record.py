@@ -14,10 +14,10 @@ from mcap_protobuf.decoder import DecoderFactory
 from afford.common.drawing import GAP, TITLE_H
 from afford.recording.check_content import check_content
 from afford.recording.check_file import check_file
+from afford.recording.contact_sheet import write_sheet
 from afford.recording.moments import moments
-from afford.recording.object_sheet import SIDE, SIX
-from afford.recording.of_object import CANDIDATES, NOTES, ROOM, SCORES, VIEW
-from afford.recording.sheet import write_sheet
+from afford.recording.objects import CANDIDATES, NEGATIVE, NOTES, SCORES, VIEW
+from afford.recording.strips import OBJECT_SIDE, OBJECT_VIEWS
 from stages.recording import object_record
 from tests.helpers.made_objects import looked, projected, true_scores
 from tests.helpers.made_samples import Scratch
@@ -41,7 +41,7 @@ def test_every_view_has_its_pictures(recorded: Path) -> None:
     """View, candidates and one overlay for each task, of one size; overlays are transparent beside the object, red on the part."""
     x, shown = looked(), list(moments(recorded))
     assert len(shown) == len(x.views.views)
-    overlay = f"{ROOM}/0_drive_a_screw/overlay"
+    overlay = f"{NEGATIVE}/0_drive_a_screw/overlay"
     shaft = np.append(x.parts.part == x.parts.names.index("shaft"), False)
     large = 0
     for view, moment in enumerate(shown):
@@ -73,7 +73,7 @@ def test_clouds_carry_labels_as_colours(recorded: Path) -> None:
         clouds = {channel.topic: value for _, channel, _, value in read if value.DESCRIPTOR.full_name == "foxglove.PointCloud"}
     kind = np.dtype([("xyz", "<f4", 3), ("rgba", "u1", 4)])
     for number, one in enumerate(found.tasks):
-        room = next(topic.rpartition("/")[0] for topic in clouds if topic.startswith(f"{ROOM}/{number}_"))
+        room = next(topic.rpartition("/")[0] for topic in clouds if topic.startswith(f"{NEGATIVE}/{number}_"))
         points = np.frombuffer(clouds[f"{room}/points"].data, kind)
         assert np.array_equal(points["xyz"], found.points) and np.array_equal(points["rgba"][:, 0] > 150, one.negative)
         assert np.array_equal(np.frombuffer(clouds[f"{room}/N_t"].data, kind)["xyz"], one.N_t)
@@ -86,7 +86,7 @@ def test_the_sheet_shows_views_candidates_and_tasks(recorded: Path, tmp_path: Pa
     write_sheet([recorded], tmp_path / "sheet.png")
     sheet = cv2.imread(str(tmp_path / "sheet.png"))[..., ::-1].astype(int)
     tasks = len(looked().told.descriptions)
-    assert sheet.shape == ((2 + tasks) * (TITLE_H + SIDE + GAP), SIX * (SIDE + GAP), 3)
-    strips = sheet.reshape(2 + tasks, TITLE_H + SIDE + GAP, -1, 3)
+    assert sheet.shape == ((2 + tasks) * (TITLE_H + OBJECT_SIDE + GAP), OBJECT_VIEWS * (OBJECT_SIDE + GAP), 3)
+    strips = sheet.reshape(2 + tasks, TITLE_H + OBJECT_SIDE + GAP, -1, 3)
     red = (strips[..., 0] - strips[..., 1] > 60).sum((1, 2))
     assert (red[2:] > 300).all()

@@ -12,8 +12,8 @@ import pytest
 from afford.common.palette import LEFT, RIGHT
 from afford.recording.check_content import check_content
 from afford.recording.check_file import check_file
+from afford.recording.contact_sheet import write_sheet
 from afford.recording.moments import moments
-from afford.recording.sheet import write_sheet
 from schemas.mesh import ObjectViews
 from schemas.surface import PositiveAffordance, PositiveAffordances
 from stages.recording import positive_record

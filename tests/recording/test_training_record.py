@@ -14,10 +14,10 @@ from afford.common.files import tree
 from afford.common.image_files import jpeg
 from afford.recording.check_content import check_content
 from afford.recording.check_file import check_file
-from afford.recording.content import EPOCH_NS
+from afford.recording.contact_sheet import write_sheet
+from afford.recording.mcap_files import EPOCH_NS
 from afford.recording.moments import moments
-from afford.recording.of_training import Shown, record
-from afford.recording.sheet import write_sheet
+from afford.recording.trainings import Preview, record_training
 from afford.surface.score import part_scorer as parts_files
 from afford.surface.score import train_scorer as parts
 from afford.surface.score.part_scorer import PartScorerConfig
@@ -59,17 +59,17 @@ def test_topics_are_those_of_the_stage(files: FileTree, tmp_path: Path) -> None:
     about = metadata(path)
     assert about["parameters/hands_train"] == {"lr": "0.003", "steps": "2"} and about["provenance/hands_train"]["artifact"]
     assert whole(path)
-    with pytest.raises(ValueError, match="toy: expected curves to record, got none"):
+    with pytest.raises(ValueError, match="toy: no curves to record"):
         training_record.run(replace(LOG, curves=()), files, training_record.Params(), Scratch(tmp_path))
 
 
 def test_what_comes_after_the_last_step_keeps_its_own_pace() -> None:
     """Episodes and sheets follow the curves in time; a line of the log goes with the first of their frames."""
-    shown = [Shown(EPOCH_NS + 10**9 * n, b"\xff\xd8\xff", "begin" if n == 1 else "") for n in (1, 2)]
-    recording = record(LOG, "x", shown)
+    shown = [Preview(EPOCH_NS + 10**9 * n, b"\xff\xd8\xff", "begin" if n == 1 else "") for n in (1, 2)]
+    recording = record_training(LOG, "x", shown)
     late = [message.topic for message in recording.messages if message.time_ns >= EPOCH_NS + 10**9]
     assert late == ["/x/preview", "/x/log", "/x/preview"] or sorted(late) == ["/x/log", "/x/preview", "/x/preview"]
-    assert not any(one.topic == "/x/preview" for one in record(LOG, "x", []).channels)
+    assert not any(one.topic == "/x/preview" for one in record_training(LOG, "x", []).channels)
 
 
 def test_a_scorer_is_shown_on_what_judges(tmp_path: Path) -> None:

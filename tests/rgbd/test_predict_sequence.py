@@ -157,14 +157,14 @@ def test_the_camera_of_the_square(shown: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "hint"),
     [
-        (("pour tea",), "told no task"),
-        (("--hands", "left"), "--hands: sor3d does not have it"),
+        (("pour tea",), "model sor3d takes no task"),
+        (("--hands", "left"), "--hands: model sor3d does not have this option"),
         (("--threshold", "1"), "expected a probability"),
         (("--frames", "0"), "--frames 0"),
         (("--focal-px", "-3"), "--focal-px -3"),
-        (("--depth", "nowhere"), "nowhere: expected a file or a folder"),
+        (("--depth", "nowhere"), "nowhere: no such file or folder"),
         (("--device", "gpu"), "unknown --device 'gpu'"),
-        (("--store", "nowhere"), "expected a model that `run sor3d` trained"),
+        (("--store", "nowhere"), "no model of `run sor3d` there"),
     ],
 )
 def test_a_wrong_call_is_refused(words: tuple[str, ...], hint: str, store: Path, shown: Path, tmp_path: Path) -> None:
@@ -177,7 +177,7 @@ def test_a_wrong_call_is_refused(words: tuple[str, ...], hint: str, store: Path,
 def test_depth_is_for_models_that_look_at_it(store: Path, shown: Path, tmp_path: Path) -> None:
     """The two-hand model refuses it."""
     refused = call("predict", shown / "rgb" / "0001.png", "pour", "--out", tmp_path / "out", "--store", store, "--depth", shown)
-    assert refused.code == 2 and "does not look at depth" in refused.err
+    assert refused.code == 2 and "does not use depth" in refused.err
 
 
 def test_what_cannot_be_read_is_a_failure(store: Path, shown: Path, tmp_path: Path) -> None:

@@ -172,7 +172,7 @@ def test_bad_input_says_what(dataset: FileTree, tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="one clip and one scene flow for each name, got otherwise for train_001"):
         interaction_pack.run((first, second), (flow,), interaction_pack.Params(), Scratch(tmp_path))
     (tmp_path / "x.safetensors").write_bytes(b"no")
-    with pytest.raises(ValueError, match=r"x.safetensors: expected a sequence that interaction_pack wrote"):
+    with pytest.raises(ValueError, match=r"x.safetensors: not a sequence that interaction_pack wrote"):
         packed_sequences.read_sequence(tmp_path / "x.safetensors", "3d")
 
 

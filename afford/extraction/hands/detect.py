@@ -15,7 +15,7 @@ from afford.extraction.hands.motion import SampledFrames, evenly_spaced, residua
 from afford.extraction.hands.part_tracks import Track, link_segments
 from afford.extraction.hands.refine import guided_filter, refine_by_colour, smooth_over_time
 from afford.extraction.hands.sides import SidePrior, assign_sides, drop_small_tracks, hand_segments
-from afford.extraction.sources.narrations import UNTOLD
+from afford.extraction.sources.narrations import DEFAULT_TASK
 from afford.extraction.sources.outlines import trace
 from schemas.video import HAND_CLASS, NOT_IN_CONTACT, SIDES, Annotation, Clip, Frames, Hand, KeyFrame, Narration
 
@@ -120,7 +120,7 @@ def _annotation(key: str, name: str, class_id: int, side: Hand | Literal[""], co
 
 Name = tuple[str, int]
 """a name and its noun class, -1 for an unknown class"""
-UNNAMED: Name = (UNTOLD[1], -1)
+UNNAMED: Name = (DEFAULT_TASK[1], -1)
 
 
 def name_objects(objects: Sequence[Track], touch: Mapping[Hand, np.ndarray], narrations: Sequence[Narration],

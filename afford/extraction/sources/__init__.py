@@ -1,1 +1,1 @@
-"""Readers of video sources: EPIC/VISOR, own folders, COCO, bare video; masks, narrations."""
+"""Readers of video sources: EPIC-KITCHENS/VISOR, own folders, COCO, video without masks; masks and narrations."""

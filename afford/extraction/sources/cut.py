@@ -1,4 +1,4 @@
-"""A video is cut into clips where its key frames are too far apart to follow anything between them, and where it gets long."""
+"""Cutting of a video into clips: at gaps between key frames that are too long for tracking, and at a maximum length."""
 
 from __future__ import annotations
 
@@ -12,36 +12,36 @@ from afford.extraction.sources.media import Media
 
 @dataclass(frozen=True)
 class Cutting:
-    """Where to cut."""
+    """Limits of gaps and clips."""
 
     max_gap_s: float
     """longest gap between key frames with frames in between"""
     max_still_gap_s: float
-    """longest gap between key frames with nothing in between"""
+    """longest gap between key frames without frames in between"""
     max_frames: int
-    """longest clip, margins apart"""
+    """longest clip, without its margins"""
     margin_frames: int
     """frames kept before the first and after the last key frame"""
 
 
 @dataclass(frozen=True)
-class Part:
-    """One clip to be: `first` and `last` frame number, inclusive."""
+class ClipRange:
+    """Range of frame numbers of a clip, inclusive."""
 
     first: int
     last: int
 
 
-def cut(keys: Sequence[int], media: Media, cutting: Cutting) -> list[Part]:
-    """Parts of a video with key frames at `keys` (ascending, all among `media.numbers`).
+def cut_video(keys: Sequence[int], media: Media, cutting: Cutting) -> list[ClipRange]:
+    """Cut a video with key frames at `keys` (ascending, all among `media.numbers`) into clips.
 
-    A long stretch is cut at a key frame, which both sides keep, so that every frame has a key frame before and after it.
-    Margins stop halfway to the next key frame and never cross a cut.
+    A long clip is cut at a key frame that both sides keep, so that every frame has a key frame before and after it. Margins stop
+    halfway to the next key frame and never cross a cut.
     """
-    parts: list[Part] = []
+    parts: list[ClipRange] = []
     groups = _groups(keys, media, cutting)
     for i, group in enumerate(groups):
-        pieces = _pieces(group, media, cutting.max_frames)
+        pieces = _split_long(group, media, cutting.max_frames)
         before = groups[i - 1][-1] if i else None
         after = groups[i + 1][0] if i + 1 < len(groups) else None
         low = group[0] - _margin(group[0], before, cutting)
@@ -49,7 +49,7 @@ def cut(keys: Sequence[int], media: Media, cutting: Cutting) -> list[Part]:
         first, behind = np.searchsorted(media.numbers, low), np.searchsorted(media.numbers, high, "right")
         starts = [int(media.numbers[first]), *(a for a, _ in pieces[1:])]
         stops = [*(b for _, b in pieces[:-1]), int(media.numbers[behind - 1])]
-        parts.extend(Part(a, b) for a, b in zip(starts, stops, strict=True))
+        parts.extend(ClipRange(a, b) for a, b in zip(starts, stops, strict=True))
     return parts
 
 
@@ -58,7 +58,7 @@ def _margin(key: int, other: int | None, cutting: Cutting) -> int:
 
 
 def _groups(keys: Sequence[int], media: Media, cutting: Cutting) -> list[list[int]]:
-    """Key frames without a gap that is too wide."""
+    """Group key frames without long gaps."""
     at = np.searchsorted(media.numbers, keys)
     groups = [[keys[0]]]
     for i in range(1, len(keys)):
@@ -69,8 +69,8 @@ def _groups(keys: Sequence[int], media: Media, cutting: Cutting) -> list[list[in
     return groups
 
 
-def _pieces(group: Sequence[int], media: Media, max_frames: int) -> list[tuple[int, int]]:
-    """(first, last) key frames of pieces of at most `max_frames` frames; a single wide gap may exceed it."""
+def _split_long(group: Sequence[int], media: Media, max_frames: int) -> list[tuple[int, int]]:
+    """Split a group into (first, last) key frames of at most `max_frames` frames; a single long gap may exceed it."""
     at = np.searchsorted(media.numbers, group)
     cuts = [0]
     for i in range(1, len(group)):

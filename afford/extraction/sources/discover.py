@@ -1,11 +1,10 @@
-"""A source folder -> one file tree per video, from names and digests alone. Runs before anything is read or computed.
+"""Discovery of the videos of a source folder: one file tree per video, from names and digests alone.
 
-Three kinds of folder are known: `epic`, an EPIC-KITCHENS-100 / VISOR root; `own`, one video with masks and narrations; `bare`, one
-video without masks, or several beside EPIC's tables (docs/extraction/own-video.md). Of an EPIC root only annotated videos that
-are present
-become trees; those without media are listed in `missing`, those that must not or cannot be read in `refused`. The media of a
-video are its video file, or else its frames: a tar or zip, a folder, or VISOR's key frames alone. What is not needed is not read:
-of a large root, only what its videos consist of.
+Discovery runs before any file is parsed, and digests only the files that the videos need. A source has one of three kinds:
+`epic`, an EPIC-KITCHENS-100 / VISOR root; `own`, one video with masks and narrations; `bare`, one video without masks, or several
+with EPIC's tables (docs/extraction/own-video.md). In an EPIC root, annotated videos with media become trees; those without media
+are listed in `missing`, unreadable ones in `refused`. The media of a video are its video file, or else its frames: a tar or zip,
+a folder, or VISOR's key frames alone.
 """
 
 from __future__ import annotations
@@ -22,21 +21,21 @@ SPARSE = "GroundTruth-SparseAnnotations/"
 DENSE_ENDING = "_interpolations"
 TRUTH = "truth/"
 CORRECTIONS = ("corrections.json", "correct.json")
-"""wrong contacts put right; the second is VISOR-HOS's name for it"""
+"""tables of corrected contacts; the second is the name in VISOR-HOS"""
 FRAME_MAPPING = "frame_mapping.json"
 EXTRAS = (*CORRECTIONS, FRAME_MAPPING)
 NO_PICTURES = ("flow", "flow_frames", "object_detection_images", "masks", "hand-objects", "meta_data")
-"""folders of EPIC-KITCHENS whose files are named like those of the frames"""
+"""folders of EPIC-KITCHENS whose files have the names of frames, but contain other data"""
 Digest = Callable[[Path], str]
 
 
 @dataclass(frozen=True)
 class Refused:
-    """A video that is present but must not or cannot be read; it fails alone."""
+    """A video that is present but unreadable, or links out of the source; other videos are not affected."""
 
     video_id: str
     reason: str
-    """one sentence: file, what was expected, what was found, what to do"""
+    """one sentence: file, expected, got, what to do"""
 
 
 @dataclass(frozen=True)
@@ -48,19 +47,19 @@ class Source:
     name: str
     """name of the folder"""
     videos: tuple[FileTree, ...]
-    """one tree per video, named by video id, with exactly the files it needs"""
+    """one tree per video, named by video id, with exactly the files that it needs"""
     truths: dict[str, FileTree]
-    """video id -> the files of truth/<video id>/, names relative to that folder"""
+    """video id -> the files of truth/<video id>/, with names relative to that folder"""
     missing: tuple[str, ...]
     """annotated videos without media"""
     refused: tuple[Refused, ...]
-    """videos with a file that leaves the root or cannot be read"""
+    """videos with a file that links out of the root or cannot be read"""
 
 
 def discover(root: Path, digest: Digest, clips: Iterable[str] = ()) -> Source:
-    """Look at `root`. SourceError when it is no folder, has no usable layout, or a file that all videos share is refused.
+    """Discover the videos of `root`. SourceError for a missing folder, an unknown layout, or a refused file that all videos share.
 
-    clips: the only clips that are wanted, all when empty; other videos are neither digested nor listed.
+    clips: the requested clips, all when empty; other videos are neither digested nor listed.
     """
     if not root.is_dir():
         raise SourceError(str(root), "a folder", "a file" if root.exists() else "nothing", "give the root of a source")
@@ -76,7 +75,7 @@ def _epic(root: Path, found: tuple[Entry, ...], digest: Digest, clips: tuple[str
     shared = [e for e in found if e.top and (e.name in EXTRAS or (e.suffix == ".csv" and e.name.startswith("EPIC_100")))]
     for entry in shared:
         refuse_link(entry)
-    annotations, media = _wanted(_annotations(found), clips), _media(found)
+    annotations, media = _select_clips(_annotations(found), clips), _media(found)
     present = {video: media.get(video) or _blocking_links(video, found) for video in annotations}
     groups = {video: [*shared, *annotations[video], *present[video]] for video in sorted(annotations) if present[video]}
     trees, refused = _trees(groups, digest)
@@ -88,7 +87,7 @@ def _epic(root: Path, found: tuple[Entry, ...], digest: Digest, clips: tuple[str
 
 
 def _annotations(found: Iterable[Entry]) -> dict[str, list[Entry]]:
-    """Video id -> its sparse and dense annotation files."""
+    """Find the sparse and dense annotation files by video id."""
     out: dict[str, list[Entry]] = {}
     for entry in found:
         if entry.name.startswith(SPARSE) and entry.suffix == ".json":
@@ -98,9 +97,10 @@ def _annotations(found: Iterable[Entry]) -> dict[str, list[Entry]]:
     return out
 
 
-def _wanted(annotations: dict[str, list[Entry]], clips: tuple[str, ...]) -> dict[str, list[Entry]]:
-    """Those of the clips asked for (a clip is named by its video, with a suffix when the video is cut); all when none fits, so
-    that the error can say what there is.
+def _select_clips(annotations: dict[str, list[Entry]], clips: tuple[str, ...]) -> dict[str, list[Entry]]:
+    """Select the videos of the requested clips; all videos if none matches, so that the error can list them.
+
+    The name of a clip is that of its video, with a suffix when the video is cut.
     """
     some = {video: files for video, files in annotations.items()
             if any(clip == video or clip.startswith(f"{video}_s") for clip in clips)}
@@ -108,8 +108,9 @@ def _wanted(annotations: dict[str, list[Entry]], clips: tuple[str, ...]) -> dict
 
 
 def _media(found: Iterable[Entry]) -> dict[str, list[Entry]]:
-    """Video id -> its video file, or else its frames in a tar or zip, a folder of images, or those of VISOR's key frames; the
-    first of its sort by name.
+    """Find the media by video id: the video file, or else frames in a tar or zip, a folder of images, or VISOR's key frames.
+
+    Several files of the same type are resolved to the first by name.
     """
     videos: dict[str, list[Entry]] = {}
     packs: dict[str, list[Entry]] = {}
@@ -132,7 +133,7 @@ def _media(found: Iterable[Entry]) -> dict[str, list[Entry]]:
 
 
 def _blocking_links(video: str, found: Iterable[Entry]) -> list[Entry]:
-    """Links out of the root behind which the media of a video may lie: of its name, or to folders."""
+    """Find links out of the root that may contain the media of a video: links with its name, and links to folders."""
     return [e for e in found if e.leaves and (e.stem == video or (e.suffix == "" and not e.name.startswith(TRUTH)))][:1]
 
 
@@ -152,16 +153,16 @@ def _own(root: Path, found: tuple[Entry, ...], digest: Digest) -> Source:
 
 
 def _bare(root: Path, found: tuple[Entry, ...], digest: Digest, clips: tuple[str, ...]) -> Source:
-    """Videos without masks: the only one of a folder, or all of a root that has EPIC's tables."""
+    """Discover videos without masks: the only one of a folder, or all of a root with EPIC's tables."""
     texts = [e for e in found if e.top and e.suffix == ".csv"]
-    several = _wanted(_media(found), clips) if any(e.name.startswith("EPIC_100") for e in texts) else {}
+    several = _select_clips(_media(found), clips) if any(e.name.startswith("EPIC_100") for e in texts) else {}
     media = several if len(several) > 1 else dict([_own_media(root, found)])
     trees, refused = _trees({video: [*texts, *media[video]] for video in sorted(media)}, digest)
     return Source("bare", root.resolve().name, trees, {}, (), refused)
 
 
 def _own_media(root: Path, found: Iterable[Entry]) -> tuple[str, list[Entry]]:
-    """Video id and media of one's own folder: its only video file, or else its only folder of images, or tar or zip of them."""
+    """Find the video id and media of an own folder: its only video file, or else its only folder, tar or zip of images."""
     videos = [e for e in found if e.suffix in VIDEO_SUFFIXES]
     packs = {e.stem: [e] for e in found if e.suffix in PACK_SUFFIXES}
     folders: dict[str, list[Entry]] = {e.stem: [e] for e in found if e.many}

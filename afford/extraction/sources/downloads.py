@@ -1,4 +1,4 @@
-"""Which of the published files lie in a source folder, whole or in part, told from their ends alone."""
+"""Published files of EPIC-KITCHENS and VISOR: names, addresses, and their state in a source folder (there, partial, missing)."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ LICENCE = "CC BY-NC 4.0"
 ERRATA = {"P01/rgb_frames/P01_109.tar": "https://www.dropbox.com/s/mh7y0goc5x945nu/P01_109.tar?dl=1",
           "P27/rgb_frames/P27_103.tar": "https://www.dropbox.com/s/c1eo70v6dokr6cf/P27_103.tar?dl=1"}  # fmt: skip
 KINDS = ("tables", "sparse", "dense", "key-frames", "frames", "videos")
-"""narrations, classes and frame mapping; VISOR's masks of key frames; its interpolated masks; its key frames as images; all frames
-of EPIC-KITCHENS as images, 456 x 256; its videos"""
+"""tables: narrations, classes and frame mapping; sparse: VISOR's masks of key frames; dense: its interpolated masks; key-frames:
+its key frames as images; frames: all frames of EPIC-KITCHENS as images, 456 x 256; videos: its videos"""
 TRAIN = (
     "P01 01 03 05 07 09 103 104 14, P02 01 03 07 101 102 107 109 121 122 124 128 130 132 135, "
     "P03 03 04 05 101 11 112 113 123 13 17 23 24, P04 02 03 04 05 101 109 11 110 114 12 121 21 25 26 33, P05 01 08, "
@@ -37,11 +37,11 @@ VAL = (
 IN_55_TEST = (
     "P01 14, P02 12, P03 22 23 24, P04 24 25 26 33, P06 10 11 12 13 14, P08 09 16 17, P09 02 07, P11 16, P12 03, "
     "P18 01 02 03 06 07, P22 01, P23 05, P24 09, P30 07, P32 01 07")
-"""those of them that lie in the test folders of EPIC-KITCHENS-55"""
+"""annotated videos in the test folders of EPIC-KITCHENS-55"""
 
 
 def _ids(people: str) -> tuple[str, ...]:
-    """'P01 01 03, P02 01' -> P01_01, P01_03, P02_01."""
+    """Expand 'P01 01 03, P02 01' to P01_01, P01_03, P02_01."""
     rows = [row.split() for row in people.split(", ")]
     return tuple(f"{person}_{number}" for person, *numbers in rows for number in numbers)
 
@@ -53,18 +53,18 @@ TEST_55 = frozenset(_ids(IN_55_TEST))
 
 @dataclass(frozen=True)
 class Published:
-    """One file."""
+    """A published file."""
 
     name: str
-    """where it belongs, below the source folder"""
+    """path below the source folder"""
     url: str
     kind: str
     video: str
     """'' for a file that all videos share"""
 
 
-def files(videos: Iterable[str], kinds: Iterable[str]) -> Iterator[Published]:
-    """Files of these kinds for these videos of `SPLITS`, shared ones first."""
+def published_files(videos: Iterable[str], kinds: Iterable[str]) -> Iterator[Published]:
+    """List the files of these kinds for these videos of `SPLITS`, shared files first."""
     wanted = [kind for kind in KINDS if kind in set(kinds)]
     if "tables" in wanted:
         yield from (Published(name, f"{TABLES}/{name}", "tables", "") for name in TABLE_NAMES)
@@ -77,17 +77,17 @@ def files(videos: Iterable[str], kinds: Iterable[str]) -> Iterator[Published]:
 
 
 def _place(video: str, kind: str) -> tuple[str, str]:
-    """(name below the source folder, address) of a file of one video."""
+    """Path below the source folder, and address, of a file of one video."""
     split, person = next(split for split, videos in SPLITS.items() if video in videos), video[:3]
     if kind in ("frames", "videos"):
-        return _of_epic(video, kind)
+        return _epic_file(video, kind)
     name = {"sparse": f"GroundTruth-SparseAnnotations/annotations/{split}/{video}.json",
             "key-frames": f"GroundTruth-SparseAnnotations/rgb_frames/{split}/{person}/{video}.zip",
             "dense": f"Interpolations-DenseAnnotations/{split}/{video}_interpolations.zip"}[kind]
     return name, f"{VISOR}/{name}"
 
 
-def _of_epic(video: str, kind: str) -> tuple[str, str]:
+def _epic_file(video: str, kind: str) -> tuple[str, str]:
     person, folder = video[:3], "test" if video in TEST_55 else "train"
     name = f"{person}/rgb_frames/{video}.tar" if kind == "frames" else f"{person}/videos/{video}.MP4"
     if len(video) == len("PXX_1YY"):
@@ -98,11 +98,11 @@ def _of_epic(video: str, kind: str) -> tuple[str, str]:
 
 State = Literal["there", "partial", "missing"]
 UNFINISHED = (".aria2", ".part", ".partial", ".crdownload")
-"""what downloaders keep beside, or instead of, a file that is not complete"""
+"""suffixes of the files that downloaders keep next to, or instead of, an incomplete file"""
 
 
-def states(root: Path, wanted: Iterable[Published]) -> Iterator[tuple[Published, State]]:
-    """Each file with its state; it may lie anywhere below `root`, frames also unpacked. No file is read but for its ends."""
+def file_states(root: Path, wanted: Iterable[Published]) -> Iterator[tuple[Published, State]]:
+    """Yield each file with its state, found anywhere below `root`, frames also unpacked. Only the ends of files are read."""
     found: dict[str, list[Entry]] = {}
     for entry in entries(root) if root.is_dir() else ():
         if not entry.odd and not set(NO_PICTURES) & set(entry.name.split("/")[:-1]):
@@ -117,11 +117,11 @@ def states(root: Path, wanted: Iterable[Published]) -> Iterator[tuple[Published,
 def _state(places: list[Entry]) -> State:
     if not places:
         return "missing"
-    return "there" if any(_whole(entry.path) for entry in places) else "partial"
+    return "there" if any(_is_complete(entry.path) for entry in places) else "partial"
 
 
-def _whole(path: Path) -> bool:
-    """Whether the end of a file is that of a whole one of its kind."""
+def _is_complete(path: Path) -> bool:
+    """Test for a complete file by its end."""
     size = os.stat(path).st_size
     if size == 0 or any(path.with_name(path.name + suffix).exists() for suffix in UNFINISHED):
         return False
@@ -143,7 +143,7 @@ def _tail(path: Path, size: int) -> bytes:
 
 
 def _boxes_end(path: Path) -> int:
-    """Where the outermost boxes of an MP4 file say that it ends (ISO 14496-12)."""
+    """Compute the end of an MP4 file from its outermost boxes (ISO 14496-12)."""
     at, size = 0, os.stat(path).st_size
     with path.open("rb") as stream:
         while at < size:

@@ -1,4 +1,4 @@
-"""What would become of a video: its clips, masks, contacts and narrations, read as `source_read` reads them. Nothing is decoded."""
+"""Summary of a video before a run: clips, masks, contacts and narrations, read as in `source_read`, without decoding frames."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from afford.common.bounded import image_size
 from afford.common.errors import SourceError
 from afford.common.video.frames import pictures
 from afford.extraction.sources.cut import Cutting
-from afford.extraction.sources.hand_names import Size, handless, other_shape, side_of
-from afford.extraction.sources.key_frames import has_masks, read_sheets
+from afford.extraction.sources.hand_names import Size, aspect_remark, no_hands_remark, side_of
+from afford.extraction.sources.key_frames import has_masks, read_annotated_images
 from afford.extraction.sources.media import Media
 from afford.extraction.sources.read import clips_of, media_of_video
 from schemas.files import FileTree
@@ -19,7 +19,7 @@ from schemas.video import NOT_IN_CONTACT, UNKNOWN_CONTACT, Annotation, Clip, Key
 
 @dataclass(frozen=True)
 class Category:
-    """Masks of one name, as written."""
+    """Masks of one name, as written in the source."""
 
     name: str
     role: str
@@ -28,8 +28,8 @@ class Category:
 
 
 @dataclass
-class Examined:
-    """One video of a source."""
+class VideoSummary:
+    """Summary of one video of a source."""
 
     video: str
     media: str = ""
@@ -38,23 +38,23 @@ class Examined:
     """frames that exist"""
     fps: float = 0.0
     size_wh: Size = (0, 0)
-    """of its pictures, px"""
+    """width and height of its pictures, px"""
     grids: tuple[Size, ...] = ()
     """sizes that its masks refer to, px"""
     clips: tuple[Clip, ...] = ()
     categories: tuple[Category, ...] = ()
     contacts: dict[str, Counter[str]] = field(default_factory=dict)
-    """hand -> touches a mask, touches nothing, inconclusive, not given: number of annotator's key frames"""
+    """hand -> touches a mask, touches nothing, inconclusive, not given: number of manually annotated key frames"""
     narrations: tuple[Narration, ...] = ()
-    """those of some clip"""
+    """narrations of all clips"""
     warnings: tuple[str, ...] = ()
     refusal: str = ""
-    """why it cannot be used, one sentence; '' when it can"""
+    """reason why it cannot be used, one sentence; '' for a usable video"""
 
 
-def examine(files: FileTree, cutting: Cutting, still_fps: float) -> Examined:
-    """Read one video; what refuses it is in `refusal`, not raised."""
-    found = Examined(files.name)
+def examine(files: FileTree, cutting: Cutting, still_fps: float) -> VideoSummary:
+    """Read one video; an error is stored in `refusal`, not raised."""
+    found = VideoSummary(files.name)
     try:
         media = media_of_video(files, still_fps)
         found.media, found.frames, found.fps = media.names[0], len(media.numbers), media.fps
@@ -64,7 +64,7 @@ def examine(files: FileTree, cutting: Cutting, still_fps: float) -> Examined:
     return found
 
 
-def _fill(found: Examined, files: FileTree, media: Media, cutting: Cutting) -> None:
+def _fill(found: VideoSummary, files: FileTree, media: Media, cutting: Cutting) -> None:
     found.categories = _categories(files, media) if has_masks(files) else ()
     found.clips = clips_of(files, media, cutting)
     found.size_wh = media.size_wh or _first_size(files, found.clips[0])
@@ -72,19 +72,19 @@ def _fill(found: Examined, files: FileTree, media: Media, cutting: Cutting) -> N
     found.grids = tuple(sorted({(key.width_px, key.height_px) for key in keys}))
     found.contacts = _contacts(keys)
     found.narrations = tuple({n.narration_id: n for clip in found.clips for n in clip.narrations}.values())
-    remarks = [other_shape([(key.width_px, key.height_px) for key in keys], found.size_wh),
-               handless((mask.side, mask.name) for key in keys for mask in key.annotations)]  # fmt: skip
+    remarks = [aspect_remark([(key.width_px, key.height_px) for key in keys], found.size_wh),
+               no_hands_remark((mask.side, mask.name) for key in keys for mask in key.annotations)]  # fmt: skip
     warnings = [text for clip in found.clips for text in clip.warnings] + [remark for remark in remarks if remark]
     found.warnings = tuple(dict.fromkeys(warnings))
 
 
 def _first_size(files: FileTree, clip: Clip) -> Size:
-    """Size of the first image of a clip, from its header."""
+    """Read the size of the first image of a clip from its header."""
     return image_size(next(pictures(files, clip)), clip.media[0])
 
 
 def _categories(files: FileTree, media: Media) -> tuple[Category, ...]:
-    rows = [row for sheet, _ in read_sheets(files, [], media.names).values() for row in sheet.rows]
+    rows = [row for annotated, _ in read_annotated_images(files, [], media.names).values() for row in annotated.rows]
     roles = {row.name: _role(row.name, bool(row.worn)) for row in rows}
     counts = Counter(row.name for row in rows)
     ordered = sorted(counts, key=lambda name: (roles[name] == "object", -counts[name], name))

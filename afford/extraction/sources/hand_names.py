@@ -1,4 +1,4 @@
-"""Names of hands in the usual spellings -> the side; names that may be a hand of either side."""
+"""Names of masks: the side of a hand in the usual spellings, ambiguous names, and remarks on names and sizes."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 
 from afford.common.errors import SourceError
-from afford.extraction.sources.rows import Note, Row, Sheet
+from afford.extraction.sources.rows import AnnotatedImage, Note, RawAnnotation
 from schemas.video import Hand
 
 SIDE: dict[str, Hand] = {"left": "left", "l": "left", "right": "right", "r": "right", "rigth": "right"}
@@ -16,13 +16,13 @@ JOINED: dict[str, Hand] = {
     "lefthand": "left", "handleft": "left", "lhand": "left", "handl": "left", "lh": "left",
     "righthand": "right", "handright": "right", "rhand": "right", "handr": "right", "rh": "right"}  # fmt: skip
 OWNER = {"the", "my", "own", "a", "human", "person", "s", "wearer", "user"}
-"""words beside a hand that do not make it another one"""
+"""words that do not change the meaning of a name"""
 HANDS = {"hand", "hands"}
 VAGUE = {*HANDS, *SIDE, "both", "two", "one", "other", "another", "first", "second", "unknown", "any", "either"}
 
 
 def side_of(name: str) -> Hand | None:
-    """Side of a hand called `name`: 'left hand', 'hand_left', 'LeftHand', 'Hand (L)', 'l hand', 'lh'; None for any other name."""
+    """Parse the side of a hand: 'left hand', 'hand_left', 'LeftHand', 'Hand (L)', 'l hand', 'lh'; None for any other name."""
     words = _words(name)
     sides = [SIDE[word] for word in words if word in SIDE]
     if len(words) == 2 and len(sides) == 1 and "hand" in words:
@@ -31,7 +31,7 @@ def side_of(name: str) -> Hand | None:
 
 
 def is_vague(name: str) -> bool:
-    """Whether a name may be a hand, but not of which side: 'hand', 'Hand 2', 'both hands', 'left'."""
+    """Test for a name of a hand without a side: 'hand', 'Hand 2', 'both hands', 'left'."""
     words = _words(name)
     if side_of(name) or not words:
         return False
@@ -39,45 +39,41 @@ def is_vague(name: str) -> bool:
     return about_hands and all(word in VAGUE or word.isdigit() or len(word) == 1 for word in words)
 
 
-def check_names(sheets: Sequence[Sheet], name: str, notes: list[Note]) -> None:
-    """SourceError when masks of the file called `name` may be hands of either side; a remark on names that nearly are those of a
-    hand, and on gloves of no hand.
-    """
-    rows = [row for sheet in sheets for row in sheet.rows]
+def check_names(images: Sequence[AnnotatedImage], name: str, notes: list[Note]) -> None:
+    """Check the names of masks: SourceError for hands without a side, remarks on names that resemble hands, and on loose gloves."""
+    rows = [row for annotated in images for row in annotated.rows]
     vague = sorted({row.name for row in rows if is_vague(row.name)})
     if vague:
-        raise SourceError(f"{name}, names of masks", "each hand called 'left hand' or 'right hand'", listed(vague),
+        raise SourceError(f"{name}, names of masks", "each hand called 'left hand' or 'right hand'", quoted_list(vague),
                           "rename them by the person's own side (hand_left, LeftHand or 'L hand' will do), or remove them")
-    nearly = sorted({row.name for row in rows if _nearly(row)})
+    nearly = sorted({row.name for row in rows if _resembles_hand(row)})
     if nearly:
-        notes.append((0, f"{name}: {listed(nearly)} counts as an object; a hand is called 'left hand' or 'right hand', and a "
+        notes.append((0, f"{name}: {quoted_list(nearly)} counts as an object; a hand is called 'left hand' or 'right hand', and a "
                          "glove has 'on_which_hand'"))
 
 
-def _nearly(row: Row) -> bool:
+def _resembles_hand(row: RawAnnotation) -> bool:
     words = set(_words(row.name))
     glove = bool({"glove", "gloves"} & words) and not any(map(side_of, row.worn))
     return side_of(row.name) is None and (glove or ("hand" in words and bool({"left", "right"} & words)))
 
 
 def _words(name: str) -> list[str]:
-    """Words and numbers of a name in lower case, split where CamelCase does; who owns the hand is left out."""
+    """Split a name into lower-case words and numbers, also at CamelCase; words for the owner of the hand are dropped."""
     spaced = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", name)
     return [word for word in re.findall(r"[^\W\d_]+|\d+", spaced.lower()) if word not in OWNER]
 
 
 ALIKE = 1.03
-"""sides of pictures whose proportions differ by less are only rounded"""
+"""largest ratio of two aspect ratios that counts as rounding"""
 Size = tuple[int, int]
 """width and height, px"""
 SHOWN = 5
-"""names that a sentence lists"""
+"""largest number of names in a message"""
 
 
-def other_shape(grids: Iterable[Size], size_wh: Size) -> str:
-    """A remark on key frames of other proportions than the pictures, `size_wh`; '' when there is none. Masks of such a frame are
-    stretched to the picture.
-    """
+def aspect_remark(grids: Iterable[Size], size_wh: Size) -> str:
+    """Remark on key frames with another aspect ratio than the pictures, `size_wh`, whose masks are stretched; '' without any."""
     found = [grid for grid in grids if not 1 / ALIKE <= grid[0] / grid[1] * size_wh[1] / size_wh[0] <= ALIKE]
     if not found:
         return ""
@@ -85,17 +81,17 @@ def other_shape(grids: Iterable[Size], size_wh: Size) -> str:
             f"against {size_wh[0]}x{size_wh[1]}, and are stretched; correct 'width' and 'height' of the images if they are wrong")
 
 
-def handless(masks: Iterable[tuple[str, str]]) -> str:
-    """Remark on the (side, name) of the masks of a clip, none of which is a hand; '' where one is, or there are no masks."""
+def no_hands_remark(masks: Iterable[tuple[str, str]]) -> str:
+    """Remark on the (side, name) of the masks of a clip without hands; '' with a hand, and without masks."""
     found = list(masks)
     if not found or any(side for side, _ in found):
         return ""
     names = [name for name, _ in Counter(name for _, name in found).most_common()]
     return ("no mask is called 'left hand' or 'right hand', so there is no contact and no sample; names are "
-            f"{listed(names)}")
+            f"{quoted_list(names)}")
 
 
-def listed(names: Iterable[str]) -> str:
-    """The first few names, quoted."""
+def quoted_list(names: Iterable[str]) -> str:
+    """List the first few names, quoted."""
     found = [repr(name) for name in names]
     return ", ".join(found[:SHOWN]) + (f" and {len(found) - SHOWN} more" if len(found) > SHOWN else "")

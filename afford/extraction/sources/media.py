@@ -1,4 +1,4 @@
-"""The video file or the frame images of one video: which frame numbers there are, and how seconds become frame numbers."""
+"""Media of one video, a video file or frame images: existing frame numbers, their times, and the check for partial downloads."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from schemas.files import FileRef, FileTree
 
 @dataclass(frozen=True)
 class Media:
-    """Frames that exist."""
+    """The frames of a video that exist."""
 
     kind: Literal["video", "frames"]
     names: tuple[str, ...]
@@ -30,26 +30,26 @@ class Media:
     numbers: np.ndarray
     """(n,) int64 frame numbers that exist, ascending"""
     times_s: np.ndarray
-    """(n,) float64 time of each, from the start of the video"""
+    """(n,) float64 time of each frame, from the start of the video"""
     fps: float
     resample: bool
     truncated: bool
-    """the file ends before the container says so"""
+    """the file ends before the length in its container"""
     spans: tuple[folders.Span, ...] = ()
     """(offset, size) of every image, bytes, where a tar holds them"""
     size_wh: tuple[int, int] | None = None
     """width and height of the video's frames as stored, px; None for images"""
 
     def frame_at(self, seconds: float) -> int:
-        """Number of the frame that is shown at a time; the first or last one outside the video."""
+        """Number of the frame at a time; the first or the last frame outside the video."""
         return int(self.numbers[max(int(np.searchsorted(self.times_s, seconds + 1e-6, side="right")) - 1, 0)])
 
 
 def find_media(files: FileTree, rates: Mapping[str, float], still_fps: float) -> Media:
-    """Look at the video file of a tree, or at the names and sizes of its images, which may lie in a tar, a zip or a folder.
+    """Read the header of the video file of a tree, or the names and sizes of its images in a tar, a zip or a folder.
 
-    rates: video id -> frames per second of a folder of images, where the source states it (else `still_fps`). SourceError
-    when the video cannot be read, an archive was cut short, or images are empty.
+    rates: video id -> frames per second of a folder of images, where the source has it (else `still_fps`). SourceError when the
+    video cannot be read, an archive is truncated, or images are empty.
     """
     video = next((file for file in files.files if PurePosixPath(file.name).suffix.lower() in VIDEO_SUFFIXES), None)
     rate = epic_rate(files.name)
@@ -64,14 +64,14 @@ def find_media(files: FileTree, rates: Mapping[str, float], still_fps: float) ->
 
 
 def _of_video(video: FileRef, rate: float | None) -> Media:
-    info = _probe(video)
+    info = _probe_video(video)
     count = len(frames_at(info, rate, video.name))
     numbers = np.arange(1, count + 1, dtype=np.int64)
     times_s = (numbers - 1) / rate if rate else info.times_s
     return Media("video", (video.name,), numbers, times_s, rate or info.fps, rate is not None, info.truncated, size_wh=info.size_wh)
 
 
-def _probe(video: FileRef) -> Probe:
+def _probe_video(video: FileRef) -> Probe:
     if video.size == 0:
         raise SourceError(video.name, "a video", "an empty file (0 bytes)", "get the file again")
     return probe(video.path, video.name)
@@ -83,7 +83,7 @@ def _of_pack(whole: FileRef, fps: float) -> Media:
     except ValueError as error:
         raise SourceError(whole.name, "a whole archive", str(error), "get the file again") from error
     if not inside.names:
-        raise SourceError(whole.name, "frame images in it", "none", "is it the archive of the frames? get it again")
+        raise SourceError(whole.name, "frame images in it", "no images", "is it the archive of the frames? get it again")
     return _of_images([f"{whole.name}/{name}" for name in inside.names], inside.sizes, fps, inside.spans)
 
 
@@ -104,14 +104,15 @@ def _of_images(names: list[str], sizes: Sequence[int], fps: float, spans: tuple[
 
 
 END_SLACK_S = 2.0
-"""frames may end this much earlier than the video: the tools that extract them disagree at the end of a file"""
+"""tolerance of the end of the frames: tools that extract frames disagree at the end of a file"""
 DENSE_SHARE = 0.5
-"""images that cover at least this share of the numbers up to the last are all frames of a video, not its key frames alone"""
+"""images that cover at least this share of the frame numbers are all frames of a video, not its key frames alone"""
 
 
 def check_end(files: FileTree, media: Media) -> None:
-    """SourceError when EPIC_100_video_info.csv says that the video goes on after the last image. Key frames alone pass, and video
-    files, which tell themselves where they should end.
+    """Raise SourceError for a partial download: images that end before the length of the video in EPIC_100_video_info.csv.
+
+    Key frames alone pass, and video files, which contain their own length.
     """
     last = int(media.numbers[-1])
     if media.kind == "video" or len(media.numbers) < DENSE_SHARE * (last - int(media.numbers[0]) + 1):

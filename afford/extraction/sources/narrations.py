@@ -1,4 +1,9 @@
-"""Narrations of EPIC-KITCHENS-100: the 15-column CSV -> `Narration`s of one video, in file order."""
+"""Narrations of one video from EPIC-KITCHENS-100's 15-column tables or own tables, class maps and frame rates.
+
+Own tables need a sentence and an interval; verb and nouns are parsed from imperative sentences if they are not given: 'pick up
+the red mug' -> pick-up, mug:red. The first word is the verb, particles join it, the last word before a preposition is the head of
+a noun.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +13,7 @@ from collections.abc import Callable
 
 from afford.common.errors import SourceError
 from afford.extraction.sources.rows import Note
-from afford.extraction.sources.tables import UNKNOWN, Classes, header, read_classes, read_table, whole, words
+from afford.extraction.sources.tables import UNKNOWN, Classes, header, read_classes, read_table, whole_number, word_list
 from schemas.files import FileRef, FileTree
 from schemas.video import Narration
 
@@ -17,14 +22,14 @@ COLUMNS = (
     "stop_frame", "narration", "verb", "verb_class", "noun", "noun_class", "all_nouns", "all_noun_classes")
 
 
-def read_narrations(data: bytes, name: str, video_id: str, verbs: Classes, nouns: Classes) -> list[Narration]:
-    """Rows of `video_id`; rows of other videos are not looked at. SourceError names the line and column that is wrong."""
+def read_epic_narrations(data: bytes, name: str, video_id: str, verbs: Classes, nouns: Classes) -> list[Narration]:
+    """Read the narrations of `video_id`; rows of other videos are ignored. SourceError names the wrong line and column."""
     rows = read_table(data, name, COLUMNS)
     return [_narration(row, where, verbs, nouns) for where, row in rows if _belongs(row, video_id)]
 
 
 def _belongs(row: dict[str, str], video_id: str) -> bool:
-    """Of this video, also when the row is too broken to say so in its own column."""
+    """Test for a row of this video, also by its narration id where the column of the video is empty."""
     return row["video_id"] == video_id or (not row["video_id"] and row["narration_id"].startswith(f"{video_id}_"))
 
 
@@ -36,35 +41,35 @@ def _narration(row: dict[str, str], where: str, verbs: Classes, nouns: Classes) 
     return Narration(
         narration_id=row["narration_id"], start_frame=start, stop_frame=stop, text=row["narration"], verb=row["verb"],
         verb_class=verb_class, verb_key=verb_key, noun=row["noun"], noun_class=noun_class, noun_key=noun_key,
-        all_nouns=words(row["all_nouns"], f"{where}, column 'all_nouns'"))
+        all_nouns=word_list(row["all_nouns"], f"{where}, column 'all_nouns'"))
 
 
 def refuse_reversed(start: int, stop: int, where: str) -> None:
-    """SourceError when an interval ends before it starts."""
+    """Raise SourceError for an interval that ends before it starts."""
     if stop < start:
         raise SourceError(where, "a stop that is not before the start", f"frames {start} to {stop}", "correct the row")
 
 
 def _number(row: dict[str, str], column: str, where: str) -> int:
     try:
-        return whole(row[column])
+        return whole_number(row[column])
     except ValueError as error:
         label = f"{where}, column {column!r}"
         raise SourceError(label, "a whole number", repr(row[column]), "correct or remove the row") from error
 
 
 STANDARD = ("EPIC_100_train.csv", "EPIC_100_validation.csv")
-"""must have EPIC's 15 columns; other EPIC_100_*.csv files count when they have them"""
+"""tables that must have EPIC's 15 columns; other EPIC_100_*.csv files are read if they have them"""
 INFO = "EPIC_100_video_info.csv"
 FASTEST = 1e6
-"""frames per second of the fastest cameras"""
-SILENT = "without narrations it gives no samples"
-UNTOLD = ("hold", "object")
-"""verb and noun where nothing was ever said"""
+"""largest valid frame rate, 1/s"""
+NO_SAMPLES = "without narrations it gives no samples"
+DEFAULT_TASK = ("hold", "object")
+"""verb and noun of a video without narrations"""
 
 
 def frame_rates(files: FileTree) -> dict[str, float]:
-    """Video id -> frames per second, from the video info table. SourceError when a rate is not a number."""
+    """Read video id -> frames per second from the video info table. SourceError for an invalid rate."""
     info = files.find(INFO)
     rates: dict[str, float] = {}
     for where, row in read_table(info.path.read_bytes(), INFO, ("video_id", "fps")) if info else ():
@@ -83,16 +88,19 @@ def _rate(text: str, where: str) -> float:
     return rate
 
 
-def read_speech(files: FileTree, frame_at: Callable[[float], int], notes: list[Note], silent: str = SILENT) -> list[Narration]:
-    """The narrations of the video, in file order, each id once; `silent` says what it means when there is none. SourceError when a
-    table is malformed.
+def video_narrations(
+    files: FileTree, frame_at: Callable[[float], int], notes: list[Note], silent: str = NO_SAMPLES
+) -> list[Narration]:
+    """Read the narrations of the video in file order, each id once. SourceError for a malformed table.
+
+    silent: end of the remark on a video without narrations.
     """
     verbs, nouns = _classes(files, "verb_classes"), _classes(files, "noun_classes")
     found: dict[str, Narration] = {}
     for file in _tables(files):
         data = file.path.read_bytes()
         if file.name in STANDARD or set(COLUMNS) <= set(header(data, file.name)):
-            rows = read_narrations(data, file.name, files.name, verbs, nouns)
+            rows = read_epic_narrations(data, file.name, files.name, verbs, nouns)
         elif file.name.startswith("EPIC_100_"):
             continue
         else:
@@ -105,16 +113,16 @@ def read_speech(files: FileTree, frame_at: Callable[[float], int], notes: list[N
     return list(found.values())
 
 
-def untold(first: int, last: int) -> Narration:
-    """What is said of frames of which nobody says anything: whatever a hand touches there, it holds."""
-    verb, noun = UNTOLD
+def default_narration(first: int, last: int) -> Narration:
+    """Build the narration of a video without narrations: a touched object is held."""
+    verb, noun = DEFAULT_TASK
     return Narration(
         narration_id="untold", start_frame=first, stop_frame=last, text=f"{verb} {noun}", verb=verb, verb_class=UNKNOWN,
         verb_key=verb, noun=noun, noun_class=UNKNOWN, noun_key=noun, all_nouns=(noun,))
 
 
 def _classes(files: FileTree, kind: str) -> Classes:
-    """The newest class map of a kind (v2 sorts last); an empty one when the source has none."""
+    """Read the newest class map of a kind (v2 sorts last); an empty map if the source has no such table."""
     maps = [file for file in files.files if kind in file.name and file.name.endswith(".csv")]
     return read_classes(maps[-1].path.read_bytes(), maps[-1].name) if maps else Classes()
 
@@ -126,13 +134,13 @@ def _tables(files: FileTree) -> list[FileRef]:
 TIME_COLUMNS = {"start": ("start", "start_s", "start_timestamp"), "stop": ("stop", "stop_s", "stop_timestamp", "end", "end_s")}
 FRAME_COLUMNS = {"start": ("start_frame",), "stop": ("stop_frame", "end_frame")}
 FrameAt = Callable[[float], int]
-"""seconds from the start of the video -> frame number"""
+"""function from seconds since the start of the video to the frame number"""
 
 
 def read_own_narrations(data: bytes, name: str, frame_at: FrameAt, verbs: Classes, nouns: Classes) -> list[Narration]:
-    """Every row, in file order. SourceError names the line and column that is wrong.
+    """Read every row of an own table in file order. SourceError names the wrong line and column.
 
-    Without columns `verb` and `noun` they are read off the sentence.
+    Without columns `verb` and `noun`, both are parsed from the sentence.
     """
     start, stop = _column(data, name, "start"), _column(data, name, "stop")
     found = []
@@ -154,14 +162,14 @@ def _column(data: bytes, name: str, end: str) -> str:
 def _frame(row: dict[str, str], column: str, where: str, frame_at: FrameAt) -> int:
     text = row[column].strip()
     try:
-        return whole(text) if column.endswith("_frame") else frame_at(seconds(text))
+        return whole_number(text) if column.endswith("_frame") else frame_at(seconds(text))
     except ValueError as error:
         expected = "a whole number" if column.endswith("_frame") else "seconds, mm:ss or hh:mm:ss"
         raise SourceError(f"{where}, column {column!r}", expected, repr(text), "correct or remove the row") from error
 
 
 def seconds(text: str) -> float:
-    """12.5, 1:02.5 and 00:01:02.50 as seconds; ValueError otherwise, also for a time that is not finite."""
+    """Parse 12.5, 1:02.5 and 00:01:02.50 as seconds; ValueError for other text, and for a time that is not finite."""
     parts = [float(part) for part in text.split(":")]
     total = sum(part * 60**power for power, part in enumerate(reversed(parts)))
     if len(parts) > 3 or min(parts) < 0 or not math.isfinite(total):
@@ -173,9 +181,9 @@ def _own_narration(
     number: int, row: dict[str, str], where: str, interval: tuple[int, int], verbs: Classes, nouns: Classes
 ) -> Narration:
     refuse_reversed(*interval, where)
-    said_verb, said_nouns = verb_and_nouns(row["narration"])
-    verb = row.get("verb", "").strip() or said_verb
-    all_nouns = (row["noun"].strip(),) if row.get("noun", "").strip() else said_nouns
+    parsed_verb, parsed_nouns = verb_and_nouns(row["narration"])
+    verb = row.get("verb", "").strip() or parsed_verb
+    all_nouns = (row["noun"].strip(),) if row.get("noun", "").strip() else parsed_nouns
     noun = all_nouns[0] if all_nouns else ""
     verb_class, verb_key = verbs.look_up(verb, None)
     noun_class, noun_key = nouns.look_up(noun, None)
@@ -192,16 +200,16 @@ SKIPPED = {"the", "a", "an", "some", "my", "his", "her", "their", "this", "that"
 
 
 def verb_and_nouns(text: str) -> tuple[str, tuple[str, ...]]:
-    """(verb, nouns) of a sentence, in EPIC's spelling: verb-particle, head:modifiers. ('', ()) for an empty one."""
+    """Parse the (verb, nouns) of a sentence, in EPIC's spelling: verb-particle, head:modifiers; ('', ()) for an empty one."""
     found = [word for word in re.findall(r"[^\W_]+(?:'[^\W_]+)?", text.lower()) if word not in SKIPPED]
     if not found:
         return "", ()
     particle = len(found) > 1 and found[1] in PARTICLES
     verb = "-".join(found[: 1 + particle])
-    return verb, tuple(_noun(group) for group in _groups(found[1 + particle :]))
+    return verb, tuple(_noun(group) for group in _noun_groups(found[1 + particle :]))
 
 
-def _groups(found: list[str]) -> list[list[str]]:
+def _noun_groups(found: list[str]) -> list[list[str]]:
     groups: list[list[str]] = [[]]
     for word in found:
         if word in PREPOSITIONS:

@@ -1,4 +1,7 @@
-"""Outlines <-> masks by VISOR's rule: corners truncated, the outlines of an annotation filled together (even-odd)."""
+"""Conversion between outlines, masks and COCO run lengths.
+
+Outlines are drawn by VISOR's rule: corners are truncated, all outlines of an annotation are filled together (even-odd).
+"""
 
 from __future__ import annotations
 
@@ -11,21 +14,21 @@ import numpy as np
 from schemas.video import Annotation, Polygon
 
 FAR_PX = 2**14
-"""corners beyond this lie far outside any image; they are pulled in to it, so that the fill stays in its number range"""
+"""corners are clamped to this coordinate, far outside any image, so that the fill stays in its number range"""
 
 
 def rasterise(annotation: Annotation, width_px: int, height_px: int, out_width_px: int, out_height_px: int) -> np.ndarray:
-    """Mask (out_height_px, out_width_px) bool of an annotation whose grid is width_px x height_px.
+    """Rasterise an annotation with a grid of width_px x height_px to a mask (out_height_px, out_width_px) bool.
 
-    As VISOR's own tools draw it: int32 truncation, even-odd fill on the annotation grid, nearest-neighbour resize. What lies
-    outside the grid is cut off. VISOR paper, annotation format; reading corners as in its visualisation code.
+    Drawing follows VISOR's own tools: int32 truncation, even-odd fill on the annotation grid, nearest-neighbour resize. Outlines
+    are clipped to the grid. Source: VISOR paper, annotation format, and its visualisation code.
     """
     grid = fill(annotation.polygons, width_px, height_px)
     return cv2.resize(grid, (out_width_px, out_height_px), interpolation=cv2.INTER_NEAREST).astype(bool)
 
 
 def fill(polygons: Iterable[Polygon], width_px: int, height_px: int) -> np.ndarray:
-    """Draw outlines together on their own grid: (height_px, width_px) uint8, 1 inside."""
+    """Fill outlines together on their own grid: (height_px, width_px) uint8, 1 inside."""
     grid = np.zeros((height_px, width_px), np.uint8)
     corners = [np.clip(polygon.points, -FAR_PX, FAR_PX).astype(np.int32) for polygon in polygons if len(polygon.points)]
     if corners:
@@ -34,8 +37,9 @@ def fill(polygons: Iterable[Polygon], width_px: int, height_px: int) -> np.ndarr
 
 
 def trace(mask: np.ndarray, at: tuple[int, int] = (0, 0)) -> tuple[Polygon, ...]:
-    """Outlines of a (h, w) mask that `fill` turns into exactly this mask again; holes are outlines inside outlines. `at`: x, y of
-    the mask in its image, px.
+    """Trace the outlines of a (h, w) mask; `fill` reproduces exactly this mask. Holes are outlines inside outlines.
+
+    at: position x, y of the mask in its image, px.
     """
     if not mask.size:
         return ()
@@ -44,18 +48,18 @@ def trace(mask: np.ndarray, at: tuple[int, int] = (0, 0)) -> tuple[Polygon, ...]
 
 
 def union(first: Iterable[Polygon], second: Iterable[Polygon], width_px: int, height_px: int) -> tuple[Polygon, ...]:
-    """Outlines of the union of two annotations (drawn together, their overlap would cancel)."""
+    """Compute the outlines of the union of two annotations; filled together, their overlap would cancel."""
     return trace(fill(first, width_px, height_px) | fill(second, width_px, height_px))
 
 
-FIRST = 48
-"""character that stands for 0"""
+ZERO_CHARACTER = 48
+"""character of 0"""
 MOST_CHARACTERS = 12
-"""of one number, 5 bits each; an image has fewer pixels by far"""
+"""characters of one number, 5 bits each; far beyond the pixels of an image"""
 
 
-class Boxed(NamedTuple):
-    """A mask without the empty rows and columns around it."""
+class BoxedMask(NamedTuple):
+    """A mask cropped to its bounding box."""
 
     mask: np.ndarray
     """(h, w) bool"""
@@ -64,14 +68,11 @@ class Boxed(NamedTuple):
     """its upper left corner in the image, px"""
 
 
-def decode(counts: Any, height_px: int, width_px: int) -> np.ndarray:
-    """(height_px, width_px) bool: runs of 0 and 1 in turn, down the columns. ValueError when they do not fill the mask."""
-    runs = run_lengths(counts, height_px, width_px)
-    return _filled(runs, height_px, width_px)
-
-
 def run_lengths(counts: Any, height_px: int, width_px: int) -> np.ndarray:
-    """(n,) int64 lengths of runs of 0 and 1 in turn. ValueError when `counts` are none, or do not fill the mask."""
+    """Decode COCO counts to alternating run lengths (n,) int64 of 0 and 1, down the columns.
+
+    ValueError for malformed counts, and for runs that do not fill the image.
+    """
     if isinstance(counts, str):
         runs = _uncompressed(counts)
     elif isinstance(counts, list) and all(type(run) is int and 0 <= run <= height_px * width_px for run in counts):
@@ -83,13 +84,13 @@ def run_lengths(counts: Any, height_px: int, width_px: int) -> np.ndarray:
     return runs
 
 
-def boxed(runs: np.ndarray, height_px: int) -> Boxed:
-    """The mask of run lengths in an image of `height_px` rows, cut to what is inside; work and memory are those of the box."""
+def boxed_mask(runs: np.ndarray, height_px: int) -> BoxedMask:
+    """Decode run lengths in an image of `height_px` rows to a mask cropped to its box; work and memory are those of the box."""
     stops = np.cumsum(runs)[1::2]
     starts = stops - runs[1::2]
     starts, stops = starts[stops > starts], stops[stops > starts]
     if not len(starts):
-        return Boxed(np.zeros((0, 0), bool), 0, 0)
+        return BoxedMask(np.zeros((0, 0), bool), 0, 0)
     left, right = int(starts[0]) // height_px, int(stops[-1] - 1) // height_px
     whole = bool((starts // height_px != (stops - 1) // height_px).any())
     top = 0 if whole else int((starts % height_px).min())
@@ -97,7 +98,7 @@ def boxed(runs: np.ndarray, height_px: int) -> Boxed:
     columns = right - left + 1
     inside = (starts // height_px - left) * rows + starts % height_px - top
     edges = np.stack([inside, inside + stops - starts], axis=1).ravel()
-    return Boxed(_filled(np.diff(edges, prepend=0, append=rows * columns), rows, columns), left, top)
+    return BoxedMask(_filled(np.diff(edges, prepend=0, append=rows * columns), rows, columns), left, top)
 
 
 def _filled(runs: np.ndarray, height_px: int, width_px: int) -> np.ndarray:
@@ -105,10 +106,10 @@ def _filled(runs: np.ndarray, height_px: int, width_px: int) -> np.ndarray:
 
 
 def _uncompressed(text: str) -> np.ndarray:
-    """Numbers of 5 bits a character, lowest first; from the fourth on each is the difference to the one before the last."""
-    bits = np.frombuffer(text.encode("utf-32-le", "surrogatepass"), "<u4").astype(np.int64) - FIRST
+    """Decode numbers of 5 bits a character, lowest first; from the fourth on, each is the difference to the one before the last."""
+    bits = np.frombuffer(text.encode("utf-32-le", "surrogatepass"), "<u4").astype(np.int64) - ZERO_CHARACTER
     if ((bits < 0) | (bits >= 64)).any():
-        raise ValueError("counts with a character that stands for no number")
+        raise ValueError("counts with an invalid character")
     ends = np.flatnonzero(bits & 32 == 0)
     lengths = np.diff(ends, prepend=-1)
     if not len(ends) or int(lengths.max()) > MOST_CHARACTERS:

@@ -1,4 +1,4 @@
-"""One mask of one key frame as the source has it, before hands and gloves are sorted out."""
+"""Annotations as a source has them, before hands and gloves are merged, and the checks that are common to all formats."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from afford.extraction.sources.outlines import FAR_PX
 from schemas.video import Polygon
 
 SLACK_PX = 1.0
-"""corners this far outside the grid are rounding, not worth a word"""
+"""corners this far outside the grid count as rounding"""
 
 
 Note = tuple[int, str]
-"""the frame that a remark is about, 0 for the whole video, and the remark: one sentence"""
+"""frame number of a remark, 0 for the whole video, and the remark: one sentence"""
 
 
 @dataclass(frozen=True)
-class Row:
-    """An annotation as read; `worn` are the hands that a glove is on, as written."""
+class RawAnnotation:
+    """An annotation as read from the file; `worn` are the hands of a glove, as written."""
 
     annotation_id: str
     name: str
@@ -36,28 +36,28 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Sheet:
-    """All annotations of one image; `where` names file and image in messages."""
+class AnnotatedImage:
+    """Annotations of one image; `where` is the file and the image, for messages."""
 
     where: str
     image: str
     frame: int
     width_px: int
     height_px: int
-    rows: tuple[Row, ...]
+    rows: tuple[RawAnnotation, ...]
 
 
-def once(sheets: Iterable[Sheet]) -> list[Sheet]:
-    """Sheets by frame; SourceError when a frame is there twice."""
-    seen: dict[int, Sheet] = {}
-    for sheet in sheets:
-        if seen.setdefault(sheet.frame, sheet) is not sheet:
-            raise SourceError(sheet.where, "one entry per frame", f"a second one for frame {sheet.frame}", "merge the two")
+def unique_frames(images: Iterable[AnnotatedImage]) -> list[AnnotatedImage]:
+    """Sort images by frame; SourceError when a frame occurs twice."""
+    seen: dict[int, AnnotatedImage] = {}
+    for annotated in images:
+        if seen.setdefault(annotated.frame, annotated) is not annotated:
+            raise SourceError(annotated.where, "one entry per frame", f"a second one for frame {annotated.frame}", "merge the two")
     return [seen[frame] for frame in sorted(seen)]
 
 
 def grid_size(image: Any, where: str) -> tuple[int, int]:
-    """(width, height) that an image entry states; SourceError when they are no sensible size."""
+    """Read the (width, height) of an image entry; SourceError for a size out of range."""
     size = json_field(image, "width", int, where), json_field(image, "height", int, where)
     if not 0 < min(size) <= max(size) <= FAR_PX or size[0] * size[1] > MAX_PIXELS:
         label = f"{where}, fields 'width' and 'height'"
@@ -66,23 +66,23 @@ def grid_size(image: Any, where: str) -> tuple[int, int]:
     return size
 
 
-def worn_on(said: Any, where: str) -> tuple[str, ...]:
-    """Names of the hands that a glove is on; SourceError when they are not names."""
-    names = [said] if isinstance(said, str) else said or []
+def worn_on(value: Any, where: str) -> tuple[str, ...]:
+    """Read the names of the hands that wear a glove; SourceError for other values."""
+    names = [value] if isinstance(value, str) else value or []
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-        raise SourceError(f"{where}, field 'on_which_hand'", "a list of hands", repr(said)[:60], "correct it")
+        raise SourceError(f"{where}, field 'on_which_hand'", "a list of hands", repr(value)[:60], "correct it")
     return tuple(names)
 
 
 def outlines(segments: Any, where: str) -> tuple[Polygon, ...]:
-    """Polygons of [[x, y], ...] lists; empty ones are left out. SourceError when one is not a list of number pairs."""
+    """Read polygons from [[x, y], ...] lists; empty ones are dropped. SourceError for anything but lists of number pairs."""
     if not isinstance(segments, list):
         raise SourceError(f"{where}, field 'segments'", "a list of polygons", type(segments).__name__, "correct the annotation")
     return tuple(Polygon(_corners(segment, where)) for segment in segments if segment)
 
 
 def _corners(segment: Any, where: str) -> np.ndarray:
-    """(n, 2) float32 corners that truncate to the same integers as the numbers in the file."""
+    """Read corners (n, 2) float32 that truncate to the same integers as the numbers in the file."""
     try:
         exact = np.asarray(segment, np.float64)
     except (TypeError, ValueError, OverflowError):
@@ -96,46 +96,46 @@ def _corners(segment: Any, where: str) -> np.ndarray:
     return np.where(single.astype(np.int32) == exact.astype(np.int32), single, np.trunc(exact)).astype(np.float32)
 
 
-def visible(sheet: Sheet, notes: list[Note]) -> list[Row]:
-    """The rows of which something lies in the image; `notes` says what was left out or cut off."""
-    kept, grid = [], f"{sheet.width_px}x{sheet.height_px}"
-    for row in sheet.rows:
-        label = f"{sheet.where}: {row.name!r} ({row.annotation_id})"
+def visible_rows(annotated: AnnotatedImage, notes: list[Note]) -> list[RawAnnotation]:
+    """Select the annotations inside the image; dropped and clipped ones are reported in `notes`."""
+    kept, grid = [], f"{annotated.width_px}x{annotated.height_px}"
+    for row in annotated.rows:
+        label = f"{annotated.where}: {row.name!r} ({row.annotation_id})"
         if not row.polygons:
-            notes.append((sheet.frame, f"{label} has no outline and was left out"))
-        elif not _touches(row.polygons, sheet.width_px, sheet.height_px):
-            notes.append((sheet.frame, f"{label} lies outside the {grid} grid and was left out"))
+            notes.append((annotated.frame, f"{label} has no outline and was left out"))
+        elif not _inside_grid(row.polygons, annotated.width_px, annotated.height_px):
+            notes.append((annotated.frame, f"{label} lies outside the {grid} grid and was left out"))
         else:
             kept.append(row)
-            if _sticks_out(row.polygons, sheet.width_px, sheet.height_px):
-                notes.append((sheet.frame, f"{label} leaves the {grid} grid and was cut off at its border"))
+            if _leaves_grid(row.polygons, annotated.width_px, annotated.height_px):
+                notes.append((annotated.frame, f"{label} leaves the {grid} grid and was cut off at its border"))
     return kept
 
 
-def _touches(polygons: Sequence[Polygon], width_px: int, height_px: int) -> bool:
+def _inside_grid(polygons: Sequence[Polygon], width_px: int, height_px: int) -> bool:
     size = np.array([width_px, height_px])
     return any(bool((p.points.max(axis=0) >= 0).all() and (p.points.min(axis=0) < size).all()) for p in polygons)
 
 
-def _sticks_out(polygons: Sequence[Polygon], width_px: int, height_px: int) -> bool:
+def _leaves_grid(polygons: Sequence[Polygon], width_px: int, height_px: int) -> bool:
     far = np.array([width_px, height_px]) + SLACK_PX
     return any(bool((p.points < -SLACK_PX).any() or (p.points > far).any()) for p in polygons)
 
 
 BEYOND = 1.1
-"""an outline that reaches beyond this many grids is not just drawn over the border"""
+"""an outline that extends beyond this multiple of the grid refers to another grid"""
 SMALL = 0.5
-"""outlines that all stay within this part of the grid were probably drawn on a smaller one"""
+"""outlines that all stay within this share of the grid probably refer to a smaller grid"""
 
 
-def check_grid(sheets: Sequence[Sheet], name: str, notes: list[Note]) -> None:
-    """SourceError when most outlines of a file leave the grid; a remark when all of them lie in one corner of it."""
+def check_grid_size(images: Sequence[AnnotatedImage], name: str, notes: list[Note]) -> None:
+    """Check outlines against the grid: SourceError when most leave it, a remark when all are in its upper left quarter."""
     reach = np.array([
-        np.max([p.points.max(axis=0) for p in row.polygons], axis=0) / (sheet.width_px, sheet.height_px)
-        for sheet in sheets for row in sheet.rows if row.polygons]).reshape(-1, 2)
+        np.max([p.points.max(axis=0) for p in row.polygons], axis=0) / (annotated.width_px, annotated.height_px)
+        for annotated in images for row in annotated.rows if row.polygons]).reshape(-1, 2)
     if not len(reach):
         return
-    grid = f"{sheets[0].width_px}x{sheets[0].height_px}"
+    grid = f"{images[0].width_px}x{images[0].height_px}"
     outside = int((reach > BEYOND).any(axis=1).sum())
     if outside > len(reach) / 2:
         raise SourceError(f"{name}, field 'segments'", f"outlines on a grid of {grid}", f"{outside} of {len(reach)} outside it",
@@ -146,8 +146,8 @@ def check_grid(sheets: Sequence[Sheet], name: str, notes: list[Note]) -> None:
 
 
 def refuse_normalised(outlines: Sequence[np.ndarray], where: str) -> None:
-    """SourceError when all corners of a file lie between 0 and 1: they are shares of the picture, not pixels."""
+    """Raise SourceError for normalised coordinates: all corners of a file between 0 and 1."""
     largest = max((float(np.abs(corners).max()) for corners in outlines if corners.size), default=np.inf)
     if largest <= 1:
-        raise SourceError(where, "corners in pixels", f"none above {largest:g}: normalised coordinates",
+        raise SourceError(where, "corners in pixels", f"normalised coordinates up to {largest:g}",
                           "multiply x by the width and y by the height of the image")

@@ -1,4 +1,4 @@
-"""CSV files with a header: rows as dictionaries, checked for their columns."""
+"""CSV tables with a header, and EPIC's class maps of verbs and nouns."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ UNKNOWN = -1
 
 @dataclass(frozen=True)
 class Classes:
-    """A class map; empty when the source has none."""
+    """Class map of EPIC: exact match of a word to its class; empty if the source has no class map."""
 
     keys: Mapping[int, str] = field(default_factory=dict)
     """class id -> key"""
@@ -24,26 +24,26 @@ class Classes:
     """word -> class id; a word that is a key belongs to that class, otherwise the first class that lists it"""
 
     def look_up(self, word: str, stated: int | None) -> tuple[int, str]:
-        """(class id, key) of a word. A class that the source states wins; outside the map the word is its own key."""
+        """Look up the (class id, key) of a word. A class stated in the source has priority; unknown words are their own key."""
         number = stated if stated in self.keys else self.ids.get(word)
         return (UNKNOWN, word) if number is None else (number, self.keys[number])
 
 
 def read_classes(data: bytes, name: str) -> Classes:
-    """The map in EPIC_100_verb_classes.csv or EPIC_100_noun_classes.csv (v2 as well). SourceError on a bad column or row."""
+    """Read the map in EPIC_100_verb_classes.csv or EPIC_100_noun_classes.csv, also v2. SourceError for a bad column or row."""
     keys: dict[int, str] = {}
     listed: dict[str, int] = {}
     for where, row in read_table(data, name, COLUMNS):
         number = _number(row["id"], where)
         keys[number] = row["key"]
-        for word in words(row["instances"], f"{where}, column 'instances'"):
+        for word in word_list(row["instances"], f"{where}, column 'instances'"):
             listed.setdefault(word, number)
     return Classes(keys, listed | {key: number for number, key in keys.items()})
 
 
 def _number(text: str, where: str) -> int:
     try:
-        number = whole(text)
+        number = whole_number(text)
     except ValueError:
         number = UNKNOWN
     if number < 0:
@@ -52,13 +52,13 @@ def _number(text: str, where: str) -> int:
 
 
 LARGEST = 10**15
-"""whole numbers beyond it are none of a table: frames, classes"""
+"""largest valid whole number of a table: frames, classes"""
 UNREADABLE = (ValueError, SyntaxError, TypeError, RecursionError, MemoryError)
-"""what Python raises for a text that is no literal"""
+"""exceptions of Python for a text that is not a literal"""
 
 
 def header(data: bytes, name: str) -> tuple[str, ...]:
-    """Column names of a CSV file called `name`, in lower case. SourceError when its first line is no line of a table."""
+    """Read the column names of a CSV file called `name`, in lower case. SourceError for an unreadable first line."""
     first = data.split(b"\n", 1)[0].decode("utf-8-sig", errors="replace")
     try:
         return tuple(column.strip().lower() for column in next(csv.reader([first]), ()))
@@ -67,7 +67,7 @@ def header(data: bytes, name: str) -> tuple[str, ...]:
 
 
 def read_table(data: bytes, name: str, needed: Sequence[str]) -> Iterator[tuple[str, dict[str, str]]]:
-    """(where, row) of every row; '' where a row is short. SourceError when a column is missing or it is no CSV in UTF-8."""
+    """Yield (where, row) of every row, '' for missing cells. SourceError for a missing column, and for invalid CSV or UTF-8."""
     found = header(data, name)
     missing = [column for column in needed if column not in found]
     if missing:
@@ -81,8 +81,8 @@ def read_table(data: bytes, name: str, needed: Sequence[str]) -> Iterator[tuple[
         raise SourceError(name, "a CSV file in UTF-8", str(error), "save it again") from error
 
 
-def words(text: str, where: str) -> tuple[str, ...]:
-    """A Python list of strings, as EPIC writes it: "['tap', 'sponge']"."""
+def word_list(text: str, where: str) -> tuple[str, ...]:
+    """Parse a Python list of strings, as EPIC writes it: "['tap', 'sponge']"."""
     try:
         found = ast.literal_eval(text)
     except UNREADABLE:
@@ -92,8 +92,8 @@ def words(text: str, where: str) -> tuple[str, ...]:
     return tuple(found)
 
 
-def whole(text: str) -> int:
-    """A whole number of at most `LARGEST`; ValueError otherwise."""
+def whole_number(text: str) -> int:
+    """Parse a whole number of at most `LARGEST`; ValueError for other text."""
     number = int(text) if len(text) <= 2 * len(str(LARGEST)) else LARGEST + 1
     if abs(number) > LARGEST:
         raise ValueError(text)

@@ -214,7 +214,7 @@ class GraspWorlds:
         return placed_pose(self.tasks[k].body, lying, xy, yaw)
 
     def _resting_poses(self, k: int) -> list[np.ndarray]:
-        world, scene = self.worlds.alone(k), self.scenes[k]
+        world, scene = self.worlds.single_world(k), self.scenes[k]
         if self.config.poses == "flat":
             return [placed_rest_pose(world, scene)]
         return dropped_rest_poses(world, scene, int(np.random.default_rng([self.config.seed, k]).integers(2**31)), DROPS)

@@ -183,8 +183,8 @@ class BulletWorld:
         if not found:
             return force, 0.0, 0
         spots = (np.array([c[6] for c in found]) - body[:3]) @ quaternion_matrix(body[3:])
-        beside = np.abs([(spots @ planes[:, :3].T + planes[:, 3]).max(axis=1) for planes in self._planes])
-        parts = self.scene.body.hull_part[beside.argmin(axis=0)]
+        distance = np.abs([(spots @ planes[:, :3].T + planes[:, 3]).max(axis=1) for planes in self._planes])
+        parts = self.scene.body.hull_part[distance.argmin(axis=0)]
         np.add.at(force, ([self._finger[c[3]] for c in found], parts), [c[9] for c in found])
         return force, max(0.0, -min(c[8] for c in found)), len(found)
 
@@ -192,10 +192,10 @@ class BulletWorld:
 class _Wrench:
     """Forces on the gantry's joints, and the weight of the object."""
 
-    def __init__(self, client: Client, scene: Scene, hand: int, joints: list[int], thing: int) -> None:
-        self.client, self.hand, self.joints, self.object = client, hand, joints, thing
+    def __init__(self, client: Client, scene: Scene, hand: int, joints: list[int], body: int) -> None:
+        self.client, self.hand, self.joints, self.object = client, hand, joints, body
         self.efforts = np.zeros(6)
-        self._weight = (0.0, 0.0, -scene.physics.gravity_m_s2 * float(client.getDynamicsInfo(thing, -1)[0]))
+        self._weight = (0.0, 0.0, -scene.physics.gravity_m_s2 * float(client.getDynamicsInfo(body, -1)[0]))
         moves = sum(client.getJointInfo(hand, k)[3] >= 0 for k in range(client.getNumJoints(hand)))
         inertia = np.array(client.calculateMassMatrix(hand, [0.0] * moves))
         self._drag = scene.physics.drag_1_s * inertia.diagonal()[:6]

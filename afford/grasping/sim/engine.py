@@ -79,8 +79,8 @@ class World(Protocol):
 
 def make_world(engine: str, scene: Scene) -> World:
     """Create a world of an engine; ValueError lists the engines."""
-    made: Callable[[Scene], World] = load(BACKENDS, engine)
-    return made(scene)
+    create: Callable[[Scene], World] = load(BACKENDS, engine)
+    return create(scene)
 
 
 def check_stage_engine(engine: str) -> None:

@@ -203,7 +203,7 @@ class Layout:
 
 
 def layout(model: mujoco.MjModel, scene: Scene) -> Layout:
-    """Find the indices in a model that `compiled` made of the scene."""
+    """Find the indices in the model of a scene, as `compiled` builds it."""
     joints, names = scene.hand.joints, scene.hand.joints.name
     moves, motors = ([names[k] for k in some] for some in (moving_joints(joints), commanded_joints(joints)))
     free = model.joint("object")

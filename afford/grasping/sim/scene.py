@@ -127,11 +127,11 @@ def centre(body: GraspObject, pose: np.ndarray) -> np.ndarray:
 
 def finger_of_link(hand: HandModel) -> np.ndarray:
     """Return the (l,) finger index of each link; the number of fingers for the palm and the links above it."""
-    hangs = ancestry(hand.joints)
+    descends = ancestry(hand.joints)
     out = np.full(len(hand.links), len(hand.fingers.name))
-    beyond = hangs[:, hand.palm] & (np.arange(len(out)) != hand.palm)
+    beyond = descends[:, hand.palm] & (np.arange(len(out)) != hand.palm)
     for finger, tip in enumerate(hand.fingers.tip_link):
-        out[hangs[tip] & beyond] = finger
+        out[descends[tip] & beyond] = finger
     return out
 
 

@@ -61,7 +61,7 @@ class WarpWorlds:
         self._force, self._left = np.zeros((n, 3)), np.zeros(n, int)
         self._state = self._together([group.state() for group in self._groups])
 
-    def alone(self, k: int) -> World:
+    def single_world(self, k: int) -> World:
         """Return a MuJoCo world of scene k, because warp worlds are only computed together."""
         return make_world("mujoco", self.scenes[k])
 

@@ -45,7 +45,7 @@ class ThreadWorlds:
         self.worlds: tuple[World, ...] = tuple(make_world(engine, scene) for scene in scenes)
         self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
 
-    def alone(self, k: int) -> World:
+    def single_world(self, k: int) -> World:
         """Return world k."""
         return self.worlds[k]
 
@@ -68,7 +68,7 @@ class ThreadWorlds:
 
     def save(self) -> tuple[Any, ...]:
         """Return a token of every world."""
-        return tuple(made.save() for made in self.worlds)
+        return tuple(world.save() for world in self.worlds)
 
     def restore(self, tokens: Sequence[Any]) -> State:
         """Restore every world to its token."""
@@ -76,8 +76,8 @@ class ThreadWorlds:
 
     def close(self) -> None:
         """Close all worlds; closing twice is allowed."""
-        for made in self.worlds:
-            made.close()
+        for world in self.worlds:
+            world.close()
         if self._pool is not None:
             self._pool.shutdown()
 
@@ -116,7 +116,7 @@ class ProcessWorlds:
             self.close()
             raise
 
-    def alone(self, k: int) -> World:
+    def single_world(self, k: int) -> World:
         """Return world k, in its process."""
         number = int(np.searchsorted([share[-1] for share in self._shares], k))
         return cast(World, _Remote(self._workers[number], k - int(self._shares[number][0])))
@@ -300,7 +300,7 @@ ENGINES = (*sorted(BACKENDS), *sorted(TOGETHER))
 class WorldBatch(Protocol):
     """Batch of n worlds, whose scenes may differ in object and physics but not in hand; all arrays are copies."""
 
-    def alone(self, k: int) -> World:
+    def single_world(self, k: int) -> World:
         """Return world k by itself, for example to let its object come to rest.
 
         Engines that only compute all worlds together return a MuJoCo world.
@@ -338,8 +338,8 @@ def world_batch(engine: str, scenes: Sequence[Scene], threads: int = 1, processe
         if threads > 1 or processes > 1:
             raise ValueError(f"{engine}: expected one thread and one process, got {threads} and {processes}; it computes all "
                              "worlds at once")
-        made: Callable[[Sequence[Scene], str], WorldBatch] = load(TOGETHER, engine)
-        return made(scenes, device)
+        create: Callable[[Sequence[Scene], str], WorldBatch] = load(TOGETHER, engine)
+        return create(scenes, device)
     if device != "cpu":
         raise ValueError(f"device: expected cpu with the engine {engine}, got {device!r}; only {', '.join(TOGETHER)} has another")
     return ProcessWorlds(engine, scenes, threads, processes) if processes > 1 else ThreadWorlds(engine, scenes, threads)
