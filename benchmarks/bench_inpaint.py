@@ -99,7 +99,8 @@ def table(rows: list[list[str]]) -> str:
            if line.startswith(("| vidm", "| lama"))] if PAGE.exists() else []  # fmt: skip
     kept = {tuple(row[:4]): row for row in [*old, *rows]}
     lines = ["| " + " | ".join(row) + " |" for row in (HEAD, ["---"] * 3 + ["--:"] * 5, *(kept[key] for key in sorted(kept)))]
-    head = (f"Published sizes, random weights. VIDM: a frame of 256 x 256 from four, {PUBLISHED_STEPS} steps, extrapolated from {STEPS[1]};"
+    head = (f"Published sizes, random weights. VIDM: a frame of 256 x 256 from four, {PUBLISHED_STEPS} steps, "
+            f"extrapolated from {STEPS[1]};"
             " LaMa: one of 456 x 256, one step. On a CPU CPU time and the largest memory of the process; on a GPU wall time "
             "and the largest memory allocated. Written by `benchmarks/bench_inpaint.py`.")  # fmt: skip
     return "\n".join(["# Cost of the learned inpainters", "", head, "", *lines]) + "\n"

@@ -90,8 +90,8 @@ def schedule() -> str:
 def sizes() -> str:
     """Return the number of parameters of each variant."""
     counts = {name: sum(one.numel() for one in build(made(), 0).parameters()) for name, made in VARIANTS.items()}
-    stated = (f"`{name}` has {count / 1e6:.3g} million parameters" for name, count in counts.items())
-    return f"{', '.join(stated)}.\n"
+    counted = (f"`{name}` has {count / 1e6:.3g} million parameters" for name, count in counts.items())
+    return f"{', '.join(counted)}.\n"
 
 
 def lasted(made: dict[str, Any]) -> str:
