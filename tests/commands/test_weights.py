@@ -126,8 +126,8 @@ def test_a_hub_id_without_a_network_is_one_sentence(tmp_path: Path) -> None:
     (cached / "refs" / "main").write_text("0123456789abcdef0123456789abcdef01234567")
     (cached / "snapshots" / "0123456789abcdef0123456789abcdef01234567").mkdir(parents=True)
     (cached / "snapshots" / "0123456789abcdef0123456789abcdef01234567" / "config.json").write_text("{}")
-    done = subprocess.run([sys.executable, "-c", code.replace("    find(", "    print(find(").replace("model')", "model'))")],
-                          cwd=ROOT, env=environment, capture_output=True, text=True)  # fmt: skip
+    done = subprocess.run([sys.executable, "-c", code.replace("    find_model(", "    print(find_model(").replace(
+        "model')", "model'))")], cwd=ROOT, env=environment, capture_output=True, text=True)  # fmt: skip
     assert done.stdout.strip().endswith("snapshots/0123456789abcdef0123456789abcdef01234567"), done.stdout + done.stderr
 
 
