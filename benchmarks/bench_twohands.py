@@ -16,8 +16,8 @@ from benchmarks.pages import ROOT, into, make
 from stages.twohands import ablation_report, model_train
 
 SELF = Path(__file__).name
-METHODS = (("small", "small"), ("small_text_removed", "small, not told the task"),
-           ("small_text_shuffled", "small, told another task"), ("whole_object", "whole object (oracle)"),
+METHODS = (("small", "small"), ("small_text_removed", "small, no task"),
+           ("small_text_shuffled", "small, wrong task"), ("whole_object", "whole object (oracle)"),
            ("object_box", "object box (oracle)"), ("class_mean", "mean of the class"), ("centre", "centre"))  # fmt: skip
 MEASURES = (("first_mode_iou", "first-mode IoU"), ("iou", "best-mode IoU"), ("precision", "precision"), ("map", "mAP"),
             ("hd_px", "Hausdorff px"), ("best_mode_iou", "IoU over modes"), ("taxonomy_accuracy", "taxonomy"))  # fmt: skip
