@@ -9,7 +9,7 @@ from torch.nn.functional import avg_pool2d
 
 from afford.common.masks import BORDER
 from afford.twohands.model.interface import Batch, ModelConfig, Output, TwoHands
-from afford.twohands.model.predictor import Predictor, Told, joined, window
+from afford.twohands.model.predictor import Predictor, RawPrediction, crop_window, paste_crop
 
 SIZE = (64, 96)
 
@@ -81,11 +81,11 @@ def test_both_looks_vote() -> None:
     objects[1, 4:8, 4:8] = 9.0
     objects[1, 12, 20] = 9.0  # a speck, far away
     objects[0, :, 12:] = 9.0  # of the hand that is idle
-    first = Told(np.zeros((2, 1, 64, 96), np.float32), torch.zeros(2, 1), np.float32([0.2, 0.8, 0, 0]), objects)
-    at = window(first, SIZE)
+    first = RawPrediction(np.zeros((2, 1, 64, 96), np.float32), torch.zeros(2, 1), np.float32([0.2, 0.8, 0, 0]), objects)
+    at = crop_window(first, SIZE)
     assert at is not None and at[0].stop <= 32 + 8 and at[1].stop <= 32 + 8 and at[0].start < 16 and at[1].start < 16
     closer = first._replace(probability=np.ones((2, 1, 9, 9), np.float32), taxonomy=np.float32([0.5, 0.5, 0, 0]))
-    found = joined(first, closer, (slice(5, 14), slice(2, 11)))
+    found = paste_crop(first, closer, (slice(5, 14), slice(2, 11)))
     assert found.taxonomy.sum() == pytest.approx(1) and found.taxonomy[1] / found.taxonomy[0] == pytest.approx(2)
     assert found.probability.sum() == 2 * 81 and found.probability[:, :, 5:14, 2:11].all()
 
@@ -95,5 +95,5 @@ def test_what_vanishes_at_the_size_of_the_picture_is_not_looked_at_again(size: t
     """A picture of a few pixels: the object lies between the points that are kept, and no empty crop is made of it."""
     objects = torch.full((2, 16, 24), -9.0)
     objects[1, 6, 7] = 9.0
-    told = Told(np.zeros((2, 1, *size), np.float32), torch.zeros(2, 1), np.float32([0.2, 0.8, 0, 0]), objects)
-    assert window(told, SIZE) is None
+    told = RawPrediction(np.zeros((2, 1, *size), np.float32), torch.zeros(2, 1), np.float32([0.2, 0.8, 0, 0]), objects)
+    assert crop_window(told, SIZE) is None

@@ -9,7 +9,17 @@ import torch
 from torch import Tensor
 
 from afford.twohands.model.interface import Output, Target
-from afford.twohands.model.losses import LossParams, bce, best_hypothesis, centre_loss, dice, focal, losses, shares, taxonomy_loss
+from afford.twohands.model.losses import (
+    LossParams,
+    bce,
+    best_hypothesis,
+    centre_loss,
+    dice,
+    focal,
+    hypothesis_shares,
+    losses,
+    taxonomy_loss,
+)
 
 
 def output(b: int = 3, k: int = 3, seed: int = 0) -> Output:
@@ -161,7 +171,8 @@ def test_joint_choice_takes_the_pair_and_ignores_idle_hands() -> None:
 
 def test_the_best_takes_the_gradient_and_the_others_a_little() -> None:
     """Gradients of the masks are in the proportion that epsilon says, and none is dead."""
-    assert shares(torch.tensor([[1, 0]]), 3, 0.1).tolist() == [[pytest.approx([0.05, 0.9, 0.05]), pytest.approx([0.9, 0.05, 0.05])]]
+    shares = hypothesis_shares(torch.tensor([[1, 0]]), 3, 0.1).tolist()
+    assert shares == [[pytest.approx([0.05, 0.9, 0.05]), pytest.approx([0.9, 0.05, 0.05])]]
     o, t = output(), target()
     logits = o.logits.clone().requires_grad_()
     losses(o._replace(logits=logits), t, LossParams())["total"].backward()
