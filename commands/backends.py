@@ -98,30 +98,33 @@ def _choice(found: Iterable[Backend]) -> frozenset[tuple[str, str]]:
 def _of(modules: Modules, owner: str) -> list[Backend]:
     found = modules.get(owner)
     registries = found.registries if found else {}
-    return [Backend(owner, registry, name, entry, **_declared(entry, _shared(entry, entries.values())))
+    return [Backend(owner, registry, name, entry, **_declared(name, entry, _shared(entry, entries.values())))
             for registry, entries in registries.items() for name, entry in entries.items()]
 
 
 def _shared(entry: str, entries: Iterable[str]) -> bool:
-    """Return True when several entries of a registry are in the same module."""
+    """Return True when the module of an entry holds another entry of the registry."""
     module = entry.partition(":")[0]
-    return sum(other.partition(":")[0] == module for other in entries) > 1
+    return any(other != entry and other.partition(":")[0] == module for other in entries)
 
 
 @cache
-def _declared(entry: str, shared: bool) -> dict[str, Any]:
+def _declared(name: str, entry: str, shared: bool) -> dict[str, Any]:
     """Description and requirements of a backend.
 
-    The description is from its module, or from its own docstring if several backends share the module.
+    The description is from its module, or from its own docstring if several backends share the module. Such a module declares its
+    requirements in dicts by name.
     """
     module, _, attribute = entry.partition(":")
-    tree = ast.parse((ROOT / Path(*module.split("."))).with_suffix(".py").read_text(encoding="utf-8"))
+    found = _modules().get(module)
+    tree = ast.parse(Path(found.path).read_text(encoding="utf-8") if found else "")
     own = [node for node in tree.body if isinstance(node, (ast.FunctionDef, ast.ClassDef)) and node.name == attribute]
     module_text = ast.get_docstring(tree) or ""
     constants = {node.targets[0].id: ast.literal_eval(node.value) for node in tree.body
                  if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name) and node.targets[0].id in DECLARATIONS}
     own_text = ast.get_docstring(own[0]) if own and shared else None
-    return {"about": _sentence(own_text or module_text), **{name.lower(): value for name, value in constants.items()}}
+    return {"about": _sentence(own_text or module_text), **{
+        need.lower(): value.get(name, "") if isinstance(value, dict) else value for need, value in constants.items()}}
 
 
 def _sentence(text: str) -> str:
@@ -133,7 +136,8 @@ def _sentence(text: str) -> str:
 
 def third_party(backend: Backend) -> set[str]:
     """Import names of the packages that the code of a backend reaches, and of those of its extra."""
-    return set(fingerprint(_modules(), backend.entry, {}).third_party) | set(backend.packages)
+    select = {selector(backend.registry): backend.name}
+    return set(fingerprint(_modules(), backend.entry, select).third_party) | set(backend.packages)
 
 
 @cache

@@ -13,7 +13,7 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.markup import escape
@@ -22,8 +22,9 @@ from rich.table import Table
 from afford.recording.summary import Summary, summarise
 from commands.errors import UsageError, unknown
 from commands.inspect_tables import SORTS, print_json, show_many, show_one, size
-from commands.session import open_existing
-from runner import LostError, Runner
+
+if TYPE_CHECKING:
+    from runner import Runner
 
 SUFFIX = ".mcap"
 PICTURES = (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tif", ".tiff")
@@ -201,6 +202,9 @@ def inspect_artifact(artifact: str, store: Path | None, as_json: bool) -> int:
 
     Returns 1 when its files are damaged or lost. UsageError when there is no such artifact.
     """
+    from commands.session import open_existing  # loads the engine, which a recording does not need
+    from runner import LostError
+
     runner = open_existing(store)
     try:
         found = runner.lineage(artifact)

@@ -1,4 +1,4 @@
-"""From meshes to where a hand must not go, one line per stage."""
+"""Graph of negative affordance: from meshes to faces that a hand must not touch, one line per stage."""
 
 from __future__ import annotations
 
@@ -32,24 +32,24 @@ from stages.synthetic import object_build, object_plan
 
 
 class Looked(NamedTuple):
-    """Handles of an object that was looked at from all sides."""
+    """Handles of an object with views and candidates."""
 
     mesh: ObjectMesh
     parts: MeshParts
     views: ObjectViews
     candidates: PartCandidates
     made: tuple[Any, ...] = ()
-    """what it cost an object of one's own: handles of the stages, from its file on"""
+    """stages whose cost belongs to an object of the user, from its file on"""
 
 
 def look(g: Graph, of: str, plan: object_plan.Params, seen: view_render.Params, p: Settings) -> tuple[ObjectSpec, Looked]:
-    """Procedural objects of some splits -> their views and candidates."""
+    """Add procedural objects of some splits, with views and candidates."""
     spec    = g.each(g.named(f"{of}_plan").add(object_plan.run,                                      params=plan))
     return spec, look_at(g, of, spec, seen, p)
 
 
 def look_at(g: Graph, of: str, spec: ObjectSpec, seen: view_render.Params, p: Settings) -> Looked:
-    """Each of some procedural objects -> its views and candidates."""
+    """Add procedural objects, with views and candidates."""
     built   = g.named(f"{of}_build").add(object_build.run, spec=spec,                               params=p.synthetic.object_build)
     mesh, parts = g.pick(built, lambda b: b.mesh), g.pick(built, lambda b: b.parts)
     views   = g.named(f"{of}_views").add(view_render.run,  mesh=mesh,                                params=seen)
@@ -59,7 +59,7 @@ def look_at(g: Graph, of: str, spec: ObjectSpec, seen: view_render.Params, p: Se
 
 
 def given(g: Graph, origin: Origin, p: Settings) -> Looked:
-    """The user's meshes -> their views and candidates; their parts where label files name them."""
+    """Add the user's meshes, with views and candidates, and with parts from label files."""
     files   = g.each(g.leaf("meshes", origin.meshes))
     read    = g.add(mesh_read.run,          files=files,               params=replace(p.surface.mesh_read, categories=tuple(PARTS)))
     mesh    = g.add(mesh_texture.run,       mesh=g.pick(read, lambda r: r.mesh),                     params=p.surface.mesh_texture)
@@ -70,18 +70,18 @@ def given(g: Graph, origin: Origin, p: Settings) -> Looked:
 
 
 class Taught(NamedTuple):
-    """Handles of the scorer of parts, and of what it was trained on."""
+    """Handles of the part scorer and its training samples."""
 
     scorer: Trained
     lessons: tuple[PartLessons, ...]
 
     def files(self, g: Graph) -> FileTree:
-        """The scorer alone."""
+        """Return the files of the scorer."""
         return g.pick(self.scorer, lambda t: t.files)
 
 
 def teach(g: Graph, p: Settings) -> Taught:
-    """Objects of the trained categories -> a scorer of parts."""
+    """Train a part scorer on objects of the training categories."""
     spec, x = look(g, "lesson", replace(p.synthetic.object_plan, splits=("train", "val")),
                    replace(p.surface.view_render, size_px=256, most=10, directions=128), p)
     lessons = g.add(part_lessons.run,       spec=spec, mesh=x.mesh, parts=x.parts, views=x.views, candidates=x.candidates,
@@ -92,7 +92,7 @@ def teach(g: Graph, p: Settings) -> Taught:
 
 
 def record_scorer(g: Graph, x: Taught, p: Settings) -> FileTree:
-    """The scorer's curves and what it says of objects that judge -> its recording."""
+    """Record the training curves of the scorer and its predictions on validation objects."""
     log, mine = g.pick(x.scorer, lambda t: t.log), parameters(scorer_train=p.surface.scorer_train)
     made    = g.named("record_scorer_train").add(scorer_record.run, lessons=x.lessons, log=log, files=x.files(g), ctx=g.ctx,
                                                  params=scorer_record.Params(parameters=mine))
@@ -100,7 +100,7 @@ def record_scorer(g: Graph, x: Taught, p: Settings) -> FileTree:
 
 
 class Judged(NamedTuple):
-    """Handles of what is said of an object."""
+    """Handles of the descriptions, scores and negative affordance of an object."""
 
     told: PartDescriptions
     fit: PartScores
@@ -108,7 +108,7 @@ class Judged(NamedTuple):
 
 
 def judge(g: Graph, x: Looked, scorer: FileTree, p: Settings, of: str = "") -> Judged:
-    """An object that was looked at -> where a hand must not go on it; `of` begins the names of the stages."""
+    """Compute the negative affordance of an object; `of` is the prefix of the stage names."""
     told    = g.named(f"{of}part_describe").add(part_describe.run, mesh=x.mesh, views=x.views,       params=p.surface.part_describe,
                     **weights(g, p, "part_describe"))
     fit     = g.named(f"{of}mask_score").add(mask_score.run, mesh=x.mesh, views=x.views, candidates=x.candidates,
@@ -119,7 +119,7 @@ def judge(g: Graph, x: Looked, scorer: FileTree, p: Settings, of: str = "") -> J
 
 
 def negative_affordance(g: Graph, origin: Origin, p: Settings) -> None:
-    """where a hand must not go on objects, or on the meshes of --source, for their tasks, scored where their parts are known"""
+    """Negative affordance of objects, or of the meshes of --source, for their tasks; scored where parts are known."""
     taught  = teach(g, p)
     scorer  = taught.files(g)
     known: dict[str, ObjectSpec] = {}

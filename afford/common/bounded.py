@@ -194,8 +194,8 @@ def npy_header(stream: BinaryIO, refuse: Refuse) -> Header:
 
 def reason(error: BaseException) -> str:
     """Return the first line of an error's message, or the error's type without a message."""
-    said = str(getattr(error, "strerror", None) or error).strip()
-    return said.splitlines()[0] if said else type(error).__name__
+    text = str(getattr(error, "strerror", None) or error).strip()
+    return text.splitlines()[0] if text else type(error).__name__
 
 
 def _member_array(archive: zipfile.ZipFile, info: zipfile.ZipInfo, name: str, most: int, refuse: Refuse) -> np.ndarray:

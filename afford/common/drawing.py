@@ -119,11 +119,11 @@ def _hand(draw: ImageDraw.ImageDraw, prediction: Prediction, n: int, side: str, 
     """Draw swatch, name, score and area of one hand."""
     used, (x, y) = bool(prediction.hands[n]), at
     colour, text_x, share = HANDS[side] if used else FAINT, x + round(1.5 * unit), prediction.mask(n).mean()
-    said = f"score {prediction.score[n].max():.2f}, {share:.1%} of the picture" if used else "not needed"
+    summary = f"score {prediction.score[n].max():.2f}, {share:.1%} of the picture" if used else "not needed"
     draw.rounded_rectangle((x, y, x + unit, y + unit), unit // 5, colour if used else None, colour, max(1, unit // 10))
     ink, bold, plain = INK if used else FAINT, font(round(0.95 * unit), bold=True), font(round(0.85 * unit))
     draw.text((text_x, y + unit // 2), f"{side} hand", ink, bold, anchor="lm")
-    draw.text((text_x, y + round(1.6 * unit)), said, FAINT, plain, anchor="lm")
+    draw.text((text_x, y + round(1.6 * unit)), summary, FAINT, plain, anchor="lm")
 
 
 def _bar(draw: ImageDraw.ImageDraw, name: str, value: float, at: tuple[int, int], width: int, unit: int) -> None:

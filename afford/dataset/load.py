@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from bisect import bisect_right
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import lru_cache
 from itertools import accumulate
@@ -26,8 +26,8 @@ NEEDED = (*WORDS, *NUMBERS, "image", "motion", "motion_time_ns", *MASKS)
 
 
 @dataclass(frozen=True)
-class Item:
-    """Decoded sample."""
+class Item(Mapping[str, Any]):
+    """Decoded sample, also a mapping of its fields, as torch's default collate function requires."""
 
     sample_id: str
     video: str
@@ -50,6 +50,18 @@ class Item:
     """(4, s, 2) float32 px: left hand, right hand, left object, right object; NaN out of sight"""
     motion_time_ns: np.ndarray
     """(s,) int64, time after the sample in ns"""
+
+    def __getitem__(self, name: str) -> Any:
+        """Return the field of this name; KeyError for an unknown name."""
+        if name not in self.__dataclass_fields__:
+            raise KeyError(name)
+        return getattr(self, name)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.__dataclass_fields__)
+
+    def __len__(self) -> int:
+        return len(self.__dataclass_fields__)
 
 
 def collate(items: Sequence[Item]) -> dict[str, Any]:
@@ -169,7 +181,7 @@ class _Group:
         self.plain = {name: table[name].to_pylist() for name in (*WORDS, *NUMBERS)}
         self.jpeg = table["image"].chunk(0).field("bytes")
         self.png = [table[name].chunk(0).field("bytes") for name in MASKS]
-        self.times = _block(table["motion_time_ns"].chunk(0), self.size)
+        self.times = np.array(_block(table["motion_time_ns"].chunk(0), self.size))  # a writable copy, as torch requires
         motion = table["motion"].chunk(0)
         self.motion = np.stack([_block(motion.field(name), self.size, 2) for name in PATHS], axis=1)
 

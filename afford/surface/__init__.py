@@ -1,1 +1,1 @@
-"""From mesh and task to negative and positive affordance on its faces."""
+"""Surface system: from mesh and task to negative and positive affordance on the faces of the mesh."""

@@ -1,4 +1,4 @@
-"""What a face is like: its colour, and how thick the object is behind it."""
+"""Features of mesh faces (colour, shape diameter), and the strength of the borders between neighbouring faces."""
 
 from __future__ import annotations
 
@@ -11,16 +11,18 @@ from afford.render.views.surface import Rays, face_areas
 from schemas.mesh import ObjectMesh
 
 CONE = 7
-"""rays that measure how thick the object is behind a face"""
+"""rays of a shape diameter"""
 CONE_DEG = 30.0
 COLOUR_PX = 512
-"""textures are read at most so fine: print is not a part"""
+"""largest texture side from which colours are sampled, so that print does not count as a part"""
 
 
 @dataclass(frozen=True, eq=False)
 class FaceFeatures:
-    """Per face: `middle` (f, 3) and `normal` (f, 3) float64, `area` (f,) m^2, `colour` (f, 3) float32 CIE Lab, `thickness` (f,) m,
-    median length of rays into the object.
+    """Features of faces: position, normal, area, colour, thickness.
+
+    `middle` (f, 3) and `normal` (f, 3) float64, `area` (f,) m^2, `colour` (f, 3) float32 CIE Lab, `thickness` (f,) m, the shape
+    diameter.
     """
 
     middle: np.ndarray
@@ -31,7 +33,7 @@ class FaceFeatures:
 
     @staticmethod
     def of(mesh: ObjectMesh) -> FaceFeatures:
-        """Of every face."""
+        """Compute the features of every face."""
         corner = mesh.vertices[mesh.faces].astype(np.float64)
         area, normal = face_areas(corner)
         middle = corner.mean(1)
@@ -39,7 +41,7 @@ class FaceFeatures:
 
 
 def face_colours(mesh: ObjectMesh) -> np.ndarray:
-    """(f, 3) float32 CIE Lab of the texture in the middle of each face."""
+    """Sample the texture at the centre of each face: (f, 3) float32 CIE Lab."""
     scale = min(1.0, COLOUR_PX / max(mesh.texture.shape[:2]))
     size = tuple(max(1, round(side * scale)) for side in mesh.texture.shape[1::-1])
     small = cv2.resize(mesh.texture, size, interpolation=cv2.INTER_AREA)
@@ -51,7 +53,10 @@ def face_colours(mesh: ObjectMesh) -> np.ndarray:
 
 
 def shape_diameter(mesh: ObjectMesh, middle: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """(f,) float64 metres to the other side: median of a cone of rays inwards (shape diameter, Shapira et al. 2008)."""
+    """Compute the shape diameter (f,) float64 in metres (Shapira et al. 2008).
+
+    It is the median length of a cone of rays from a face into the object.
+    """
     rays, size = Rays(mesh.vertices, mesh.faces), float(np.ptp(mesh.vertices, axis=0).max())
     found = np.full((CONE, len(middle)), size)
     for row, direction in zip(found, _cone(-normal), strict=True):
@@ -64,7 +69,7 @@ def shape_diameter(mesh: ObjectMesh, middle: np.ndarray, normal: np.ndarray) -> 
 
 
 def _cone(axis: np.ndarray) -> np.ndarray:
-    """(CONE, f, 3) unit vectors around each axis (f, 3): itself, and a ring."""
+    """Return (CONE, f, 3) unit vectors around each axis (f, 3): the axis and a ring."""
     helper = np.where(np.abs(axis[:, :1]) < 0.9, [[1.0, 0, 0]], [[0, 1.0, 0]])
     right = np.cross(axis, helper)
     right /= np.maximum(np.linalg.norm(right, axis=1, keepdims=True), 1e-12)
@@ -76,26 +81,26 @@ def _cone(axis: np.ndarray) -> np.ndarray:
 
 
 MERGE = 1e-6
-"""corners nearer than this share of the object's size are one place"""
+"""vertices closer than this share of the object's size are one vertex"""
 
 
 @dataclass(frozen=True)
 class BorderWeights:
-    """What counts how much."""
+    """Weights of the terms of a border's strength."""
 
     concave: float = 1.0
-    """an angle inwards, a radian: parts meet in creases (minima rule, Hoffman and Richards 1984)"""
+    """weight of a concave angle, per radian: parts meet in creases (minima rule, Hoffman and Richards 1984)"""
     convex: float = 0.15
-    """an angle outwards, a radian"""
+    """weight of a convex angle, per radian"""
     colour: float = 0.02
-    """a unit of CIE Lab"""
+    """weight of a unit of CIE Lab"""
     thickness: float = 0.5
-    """thickness changed by a factor e"""
+    """weight of a change of thickness by a factor e"""
 
 
 @dataclass(frozen=True, eq=False)
 class Borders:
-    """(e, 2) int32 pairs of faces that share an edge, its length (e,) m and its strength (e,)."""
+    """Edges between faces: pairs (e, 2) int32, length (e,) m, strength (e,) as a border between parts."""
 
     pair: np.ndarray
     length: np.ndarray
@@ -103,7 +108,7 @@ class Borders:
 
     @staticmethod
     def of(vertices: np.ndarray, faces: np.ndarray, features: FaceFeatures, weights: BorderWeights) -> Borders:
-        """Of every pair of faces that share an edge; corners at one place are one."""
+        """Compute the borders between all faces that share an edge."""
         pair, length = shared_edges(vertices, faces)
         a, b = pair.T
         bend = np.arccos((features.normal[a] * features.normal[b]).sum(1).clip(-1, 1))
@@ -115,8 +120,10 @@ class Borders:
 
 
 def shared_edges(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(e, 2) int32 faces on both sides of each edge, and its length (e,). Corners at one place are one, so that seams of the
-    texture do not part what lies together; where more than two faces share an edge they are paired in their order.
+    """Return the faces (e, 2) int32 on both sides of each edge, and its length (e,).
+
+    Vertices at the same position count as one, so that texture seams separate nothing. Where more than two faces share an edge,
+    they are paired in their order.
     """
     size = float(np.ptp(vertices, axis=0).max())
     place = np.unique(np.round(vertices / max(size * MERGE, 1e-30)), axis=0, return_inverse=True)[1].reshape(-1)[faces]

@@ -1,4 +1,4 @@
-"""1c: one damaged file in a store, of every kind. See tests/runner/test_store_flips.py, which states the same law."""
+"""1c: one damaged file in a store, of every kind. See tests/runner/test_store_damage.py, which states the same law."""
 
 from __future__ import annotations
 

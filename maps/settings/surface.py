@@ -1,4 +1,4 @@
-"""Parameters of negative and positive affordance on the faces of a mesh."""
+"""Parameters of the surface system."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from stages.surface import (
 
 @dataclass(frozen=True)
 class Surface:
-    """The parameters of every stage of the system, by stage."""
+    """Parameters of every stage of the system."""
 
     mesh_read: mesh_read.Params = mesh_read.Params()
     mesh_texture: mesh_texture.Params = mesh_texture.Params()

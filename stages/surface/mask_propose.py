@@ -1,11 +1,12 @@
-"""an object and its views -> masks in every view that may be one part.
+"""Propose masks in every view of an object, each of which may be one part.
 
 Reads   ObjectMesh; ObjectViews of the same mesh; files of a model (sam)
-Writes  PartCandidates: masks by view, the most striking first
-Method  `regions` cuts the surface where it bends inwards, changes colour or thickness, merges regions of all scales and shows them
-        in every view; `sam` asks a Segment Anything model at a grid of points (weights needed). No two masks of a view overlap by
-        more than `nms_iou`. `grid` does not segment: overlapping windows over six views, on which baselines stand
-Fails   when views and mesh do not fit together
+Writes  PartCandidates: masks by view, sorted by quality
+Method  `regions` cuts the surface at concave creases and at changes of colour or thickness, merges regions to a hierarchy, and
+        projects all of them into every view. `sam` prompts a Segment Anything model with a grid of points (weights needed). No two
+        masks of a view have an IoU above `nms_iou`. `grid` does not segment: it returns overlapping windows of six views, for
+        baselines
+Fails   when views and mesh do not belong together
 Paper   AffordDex, negative affordance: SAM on a 16 x 16 grid, non-maximum suppression at IoU 0.7
 """
 
@@ -30,6 +31,8 @@ BACKENDS = {"regions": "afford.surface.proposals.regions:propose", "sam": "affor
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of `mask_propose`."""
+
     backend: str = "regions"
     """regions, sam or grid"""
     regions: Regions = Regions()
@@ -41,13 +44,13 @@ class Params:
 
 
 def run(mesh: ObjectMesh, views: ObjectViews, params: Params, weights: FileTree | None = None) -> PartCandidates:
-    """Propose parts."""
+    """Propose part masks in all views."""
     from afford.common.registry import block, load
-    from afford.models.weights import with_weights
+    from afford.models.weights import with_local_weights
 
     if views.visible_area.shape != mesh.faces.shape[:1]:
         wanted, got = len(mesh.faces), len(views.visible_area)
         raise ValueError(f"views of {views.name}: expected {wanted} faces as {mesh.name} has, got {got}; render the views again")
-    own = with_weights(block(params, params.backend), weights)
+    own = with_local_weights(block(params, params.backend), weights)
     found: PartCandidates = load(BACKENDS, params.backend)(mesh, views, own)
     return found

@@ -1,11 +1,11 @@
-"""candidates and descriptions -> how well each candidate fits each part that is spoken of.
+"""Score the fit between candidate masks and described parts.
 
 Reads   ObjectMesh, ObjectViews, PartCandidates, PartDescriptions of one object; files of a scorer; of a model (clip)
-Writes  PartScores: which share of each candidate shows the part, and how well they overlap
-Method  `parts` asks the scorer that scorer_train made: what is said of a part may fit no candidate at all; `clip` is the paper's
-        recipe, with a local model
+Writes  PartScores: share of each candidate that shows the part, and their IoU
+Method  `parts` uses the scorer of scorer_train, for which a part may fit no candidate at all; `clip` is the paper's recipe, with a
+        local model
 Fails   when the scorer's files cannot be read
-Paper   AffordDex, negative affordance: CLIP picks the mask that fits best, one in every view
+Paper   AffordDex, negative affordance: CLIP selects the best mask, one in every view
 """
 
 from __future__ import annotations
@@ -28,6 +28,8 @@ BACKENDS = {"parts": "afford.surface.score.part_scorer:score", "clip": "afford.s
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of `mask_score`."""
+
     backend: str = "parts"
     """parts or clip"""
     clip: Clip = Clip()
@@ -36,10 +38,10 @@ class Params:
 
 def run(mesh: ObjectMesh, views: ObjectViews, candidates: PartCandidates, descriptions: PartDescriptions, scorer: FileTree,
         params: Params, weights: FileTree | None = None) -> PartScores:  # fmt: skip
-    """Score every candidate."""
+    """Score every candidate for every described part."""
     from afford.common.registry import block, load
-    from afford.models.weights import with_weights
+    from afford.models.weights import with_local_weights
 
-    own = with_weights(block(params, params.backend), weights)
+    own = with_local_weights(block(params, params.backend), weights)
     found: PartScores = load(BACKENDS, params.backend)(mesh, views, candidates, descriptions, scorer, own)
     return found

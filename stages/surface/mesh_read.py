@@ -1,11 +1,11 @@
-"""files of one object -> its mesh in metres, repaired, with one texture; the parts that a label file names; what was done.
+"""Read the files of one object: repaired mesh in metres with one texture, part labels, and a report.
 
 Reads   FileTree: OBJ (MTL, images), PLY, STL, GLB, glTF or URDF, and `<mesh file>.parts.json` (docs/surface/mesh-format.md)
-Writes  ReadMesh: ObjectMesh, MeshParts, MeshReport; each is an artifact of its own
-Method  places merged, empty faces and dust dropped, windings turned, small holes filled; images packed into one texture without
-        touching a texel; more than max_faces simplified by quadric collapse and painted anew from the nearest place
-Fails   SourceError, one sentence: file, expected, got, what to do; other objects are not affected
-Paper   AffordDex, NAA (its input is a mesh; nothing is said of repairing one)
+Writes  ReadMesh: ObjectMesh, MeshParts, MeshReport; each is a separate artifact
+Method  merge vertices, drop empty faces and dust, orient faces, fill small holes; pack images into one texture with unchanged
+        texels; simplify meshes of more than max_faces by quadric edge collapse and bake their texture again from nearest points
+Fails   SourceError, one sentence: file, expected, got, fix; other objects are not affected
+Paper   AffordDex, NAA (its input is a mesh; the paper does not mention repair)
 """
 
 from __future__ import annotations
@@ -22,14 +22,18 @@ MEMORY_GIB = 3.0
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of `mesh_read`."""
+
     unit: str = "auto"
-    """m, cm, mm or inch; auto: what the format says (glTF, URDF: m), else m, or the only one that makes the diagonal 2 cm to 2 m"""
+    """m, cm, mm or inch; auto: the unit of the format (glTF, URDF: m), otherwise m, or the only unit that makes the diagonal 2 cm
+    to 2 m
+    """
     categories: tuple[str, ...] = ()
-    """categories that are looked for in the name of an object whose label file says none"""
+    """categories to find in the name of an object whose label file names none"""
     max_texture_px: int = 2048
     """longest side of the texture, a power of two; images are halved until they fit"""
     max_faces: int = 60_000
-    """meshes of more faces are simplified"""
+    """meshes with more faces are simplified"""
     hole_edges: int = 64
     """holes with more edges stay open"""
     hole_share: float = 0.01

@@ -1,9 +1,9 @@
-"""mesh of one colour -> the same mesh with materials, so that its parts can be told apart in a picture.
+"""Texture a mesh of one colour, so that its parts can be distinguished in an image.
 
-Reads   ObjectMesh; nothing else: part labels are never seen
-Writes  ObjectMesh: the same surface; one that has a texture passes unchanged, byte for byte
-Method  `procedural` divides the surface by thickness, place along the main axis, curvature and creases, and gives each region a
-        material; `keep` leaves the one colour
+Reads   ObjectMesh; part labels are not an input
+Writes  ObjectMesh: the same surface; a mesh with a texture is returned unchanged, byte for byte
+Method  `procedural` segments the surface by thickness, position along the main axis, curvature and creases, and gives each region
+        a material; `keep` keeps the one colour
 Fails   when the backend is unknown
 Paper   AffordDex, NAA (TexPainter, a diffusion model; not part of its released code)
 """
@@ -22,12 +22,14 @@ MEMORY_GIB = 1.0
 
 BACKENDS = {
     "procedural": "afford.surface.texture.procedural:texture",
-    "keep": "afford.surface.texture:keep",
+    "keep": "afford.surface.texture.procedural:keep",
 }
 
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of `mesh_texture`."""
+
     backend: str = "procedural"
     """procedural or keep"""
     procedural: Procedural = Procedural()
@@ -35,7 +37,7 @@ class Params:
 
 
 def run(mesh: ObjectMesh, params: Params) -> ObjectMesh:
-    """Texture what has no texture."""
+    """Texture a mesh of one colour."""
     from afford.common.registry import block, load
 
     texture = load(BACKENDS, params.backend)

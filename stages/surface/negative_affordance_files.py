@@ -1,9 +1,9 @@
-"""where a hand must not go -> files that viewers and other programs open.
+"""Export negative affordances as files for viewers and other programs.
 
 Reads   ObjectMesh, PartDescriptions and NegativeAffordances of one object
-Writes  for each task: surface.glb and surface.ply (red where a hand must not go), points.ply, N_t.ply, distance.npz (the grid of
-        distances), negative.json (parts, roles, reasons, N_t)
-Method  colours from green to red by probability; faces have corners of their own, so that colours are exact
+Writes  for each task: surface.glb and surface.ply (red for negative faces), points.ply, N_t.ply, distance.npz (distance grid),
+        negative.json (parts, roles, reasons, N_t)
+Method  colours from green to red by probability; every face has its own corners, so that colours are exact
 Fails   never
 Paper   AffordDex, negative affordance: segmented.ply and description.txt
 """
@@ -24,7 +24,7 @@ MEMORY_GIB = 0.5
 
 @dataclass(frozen=True)
 class Params:
-    """Nothing to choose."""
+    """No parameters."""
 
 
 def run(mesh: ObjectMesh, descriptions: PartDescriptions, found: NegativeAffordances, params: Params, ctx: Context) -> FileTree:

@@ -1,9 +1,9 @@
-"""scored candidates of all views -> where on the surface a hand must not go.
+"""Project scored candidates of all views to negative affordance on the surface.
 
 Reads   ObjectMesh, ObjectViews, PartCandidates, PartDescriptions and PartScores of one object
-Writes  NegativeAffordances: for each task the probability of every face, labels of points, N_t, and a grid of distances to it
-Method  every pixel knows its face, so that votes are exact: weighted by the angle of sight and by how sure the candidates are;
-        faces that nobody saw take the values of their neighbours; N_t by farthest-point sampling
+Writes  NegativeAffordances: for each task the probability of every face, labels of points, N_t, and a distance grid
+Method  each pixel votes on the exact face behind it, weighted by the cosine of incidence and the certainty of the candidates;
+        unseen faces take the values of their neighbours; N_t is a farthest point sample
 Fails   when the inputs are not of one object
 Paper   AffordDex, negative affordance: one mask in each of six views, points splatted into a coarse z-buffer, the union of all
 """
@@ -22,23 +22,25 @@ MEMORY_GIB = 1.0
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of `negative_affordance_projection`."""
+
     threshold: float = 0.35
     """probability above which a face is negative"""
     points: int = 2048
-    """points of the object that are labelled"""
+    """labelled points of the object"""
     negative_points: int = 100
-    """points of N_t; AffordDex's metric takes 100"""
+    """points of N_t; AffordDex's metric uses 100"""
     spacing_m: float = 0.005
-    """between the nodes of the grid of distances"""
+    """spacing of the distance grid"""
     margin_m: float = 0.05
-    """of the grid around the object"""
+    """margin of the distance grid around the object"""
     seed: int = 0
     """seed of the points"""
 
 
 def run(mesh: ObjectMesh, views: ObjectViews, candidates: PartCandidates, descriptions: PartDescriptions, scores: PartScores,
         params: Params) -> NegativeAffordances:  # fmt: skip
-    """Put what the views say back on the surface."""
+    """Project the candidates of all views on the surface."""
     from afford.surface.negative.project import ProjectionSettings, project
 
     expected, faces = (len(candidates.view), len(descriptions.notes)), len(mesh.faces)

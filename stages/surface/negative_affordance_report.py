@@ -1,9 +1,9 @@
-"""scores of many objects -> the report: tables, a flat dict of metrics, a sheet of pictures.
+"""Report the scores of many objects: tables, flat metrics, a sheet of images.
 
 Reads   NegativeScores
 Writes  metrics.json (<split>.<measure>, <method>.<split>.<measure>, seen_area.six, seen_area.adaptive), report.md, sheet.jpg
-Method  means over objects of their means over tasks in which something is negative
-Fails   when nothing was scored
+Method  means over objects of their means over tasks with a negative part
+Fails   when there are no scores
 Paper   AffordDex, negative affordance (no figures there)
 """
 
@@ -22,12 +22,14 @@ MEMORY_GIB = 0.5
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of `negative_affordance_report`."""
+
     per_category: int = 1
     """objects of each category and split in the sheet"""
 
 
 def run(scores: tuple[NegativeScores, ...], params: Params, ctx: Context) -> FileTree:
-    """One report of all objects."""
+    """Report the scores of all objects."""
     from afford.surface.negative import score_report
 
     return score_report.write_report(scores, params.per_category, ctx.scratch)

@@ -1,13 +1,14 @@
-"""an object, its pictures and tasks -> which parts a hand must not touch, and where it belongs, in words.
+"""Describe the parts of an object for tasks: parts a hand must not touch, and parts where it belongs.
 
-Reads   ObjectMesh: its name and what it is; ObjectViews: how it looks; files of a model (vlm)
-Writes  PartDescriptions: for each task the negative and positive parts, why, how sure, and whether the task decides it
-Method  `rules` looks them up in a table of things, tasks and states (afford/surface/describe/lexicon.py) and looks at no picture;
-        a thing that is not in it is `unknown`, and nothing is said of it. `vlm` shows the pictures to a local vision-language
-        model, `endpoint` to one behind an OpenAI-compatible server, and reads the JSON that it answers
-Fails   `rules` never: an unknown thing is an answer. `vlm` and `endpoint` when there is no model or server, no key where one is
-        asked for, or the answer is not what was asked for
-Paper   AffordDex, negative affordance: GPT-4V is asked for one part that should not be touched, whatever the task
+Reads   ObjectMesh: name and category; ObjectViews: its images; files of a model (vlm)
+Writes  PartDescriptions: for each task the negative and positive parts, reasons, confidence, and whether the role depends on the
+        task
+Method  `rules` looks category, task and state up in a lexicon (afford/surface/describe/lexicon.py) and uses no image; a category
+        outside the lexicon is `unknown` and has no parts. `vlm` prompts a local vision-language model with the images, `endpoint`
+        one behind an OpenAI-compatible server; both parse its JSON answer
+Fails   `rules` never: unknown objects are a valid result. `vlm` and `endpoint` without a model or server, without a required key,
+        or when the answer violates the form
+Paper   AffordDex, negative affordance: GPT-4V is prompted for one part that should not be touched, independent of the task
 """
 
 from __future__ import annotations
@@ -32,10 +33,12 @@ BACKENDS = {"rules": "afford.surface.describe.lexicon:describe", "vlm": "afford.
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of `part_describe`."""
+
     backend: str = "rules"
     """rules, vlm or endpoint"""
     tasks: tuple[str, ...] = ()
-    """what is to be done, e.g. 'cut bread'; none: the tasks of the table for this thing, or any use"""
+    """tasks, e.g. 'cut bread'; empty: the tasks of the lexicon for the category, or any use"""
     vlm: Vlm = Vlm()
     """parameters of vlm"""
     endpoint: Served = Served()
@@ -45,9 +48,9 @@ class Params:
 def run(mesh: ObjectMesh, views: ObjectViews, params: Params, weights: FileTree | None = None) -> PartDescriptions:
     """Describe an object for its tasks."""
     from afford.common.registry import block, load
-    from afford.models.weights import with_weights
+    from afford.models.weights import with_local_weights
     from afford.surface.describe.lexicon import TASKS, known_category
 
-    describe, own = load(BACKENDS, params.backend), with_weights(block(params, params.backend), weights)
+    describe, own = load(BACKENDS, params.backend), with_local_weights(block(params, params.backend), weights)
     tasks = params.tasks or TASKS.get(known_category(mesh.category), ("",))
     return PartDescriptions(mesh.name, tuple(describe(mesh, views, task, own) for task in tasks))

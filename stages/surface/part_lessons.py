@@ -1,10 +1,10 @@
-"""an object with known parts, its views and candidates -> what the scorer of parts learns from it.
+"""Build training samples of the part scorer from an object with known parts.
 
 Reads   ObjectSpec (for its split); ObjectMesh, MeshParts, ObjectViews and PartCandidates of one object
-Writes  PartLessons: candidates as the scorer sees them, and how much of each part they show in truth
-Method  at most `most` candidates, drawn at random, so that no object counts more than another
+Writes  PartLessons: inputs of the scorer for each candidate, and the true share of each part
+Method  at most `most` random candidates, so that all objects have the same weight
 Fails   when the object has no candidate
-Paper   takes the place of CLIP's training for the embedded scorer
+Paper   replaces CLIP's training for the embedded scorer
 """
 
 from __future__ import annotations
@@ -21,15 +21,17 @@ MEMORY_GIB = 0.5
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of `part_lessons`."""
+
     most: int = 60
-    """candidates of an object"""
+    """largest number of candidates of an object"""
     seed: int = 0
-    """seed of the draw"""
+    """seed of the selection"""
 
 
 def run(spec: ObjectSpec, mesh: ObjectMesh, parts: MeshParts, views: ObjectViews, candidates: PartCandidates,
         params: Params) -> PartLessons:  # fmt: skip
-    """Take the lessons of one object."""
+    """Build the training samples of one object."""
     from afford.surface.score.samples import part_samples
 
     return part_samples(spec, mesh, parts, views, candidates, params.most, params.seed)

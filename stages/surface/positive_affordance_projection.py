@@ -1,13 +1,13 @@
-"""an object's views, its tasks in words and a two-hand model -> where on its surface hands belong.
+"""Project the predictions of a two-hand model to positive affordance on the surface.
 
-Reads   ObjectMesh, ObjectViews and PartDescriptions of one object (of these only the tasks and what it is); a model: config.json
-        and model.safetensors, as model_train writes them
+Reads   ObjectMesh, ObjectViews and PartDescriptions of one object (only its tasks and category); a model: config.json and
+        model.safetensors, as model_train writes them
 Writes  PositiveAffordances: for each task the probability of every face, for any hand and for each, and points A_t
-Method  the model is asked about every view with the task; its likeliest region of each hand that it returns votes on the
-        faces behind its pixels, by the angle of sight; faces that nobody saw take the values of their neighbours; A_t by
-        farthest-point sampling
+Method  the model predicts every view with the task; the likeliest region of each returned hand votes on the faces behind its
+        pixels, weighted by the cosine of incidence; unseen faces take the values of their neighbours; A_t is a farthest point
+        sample
 Fails   when the inputs are not of one object, or the model cannot be read
-Paper   2HandedAfforder's predictions, put on the surface as AffordDex puts its negative ones
+Paper   2HandedAfforder's predictions, projected on the surface as AffordDex projects its negative ones
 """
 
 from __future__ import annotations
@@ -27,23 +27,25 @@ MEMORY_GIB = 2.0
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of `positive_affordance_projection`."""
+
     threshold: float = 0.35
     """probability above which a face is positive"""
     points: int = 100
     """points of A_t"""
     hands: str = "auto"
-    """auto: the taxonomy chooses in every view; left, right, both: always these"""
+    """auto: the predicted taxonomy decides in every view; left, right, both: always these"""
     looks: int = 1
-    """2: a thing that fills little of a view is looked at again in its crop; views are filled already"""
+    """2: a second prediction in the crop of a small object; views are filled already"""
     mirror: bool = True
-    """each view is looked at together with its mirror image"""
+    """average each prediction with that of the mirrored view"""
     seed: int = 0
     """seed of the points"""
     device: str = "cpu"
     """cpu, or cuda for a GPU"""
 
     def __post_init__(self) -> None:
-        """Numbers have ranges."""
+        """Check the ranges."""
         if not 0 <= self.threshold < 1 or self.points < 1:
             raise ValueError("positive_affordance_projection: expected a threshold of 0 or more and less than 1, and 1 point or "
                              f"more, got {self.threshold:g} and {self.points}")
@@ -51,7 +53,7 @@ class Params:
 
 def run(mesh: ObjectMesh, views: ObjectViews, descriptions: PartDescriptions, model: FileTree, params: Params,
         ctx: Context) -> PositiveAffordances:  # fmt: skip
-    """Ask about every view, and put the answers on the surface."""
+    """Predict every view, and project the predictions on the surface."""
     from afford.common.files import copy_folder, empty_folder
     from afford.surface.positive.project import ProjectionSettings, as_narration, project
     from afford.twohands.model.predictor import Predictor
@@ -61,10 +63,11 @@ def run(mesh: ObjectMesh, views: ObjectViews, descriptions: PartDescriptions, mo
                          "be of one object")
     kept = copy_folder(model, "config.json", empty_folder(ctx.scratch / "model"))
     predictor = Predictor(kept, params.device, params.mirror)
-    wish = ProjectionSettings(params.threshold, params.points, params.seed)
+    settings = ProjectionSettings(params.threshold, params.points, params.seed)
     out = []
     for n, one in enumerate(descriptions.descriptions):
-        said = [predictor.predict(rgb, as_narration(one.task, mesh.category), params.hands, params.looks) for rgb in views.rgb]
-        out.append(project(mesh, views, one.task, said, wish))
+        narration = as_narration(one.task, mesh.category)
+        predictions = [predictor.predict(rgb, narration, params.hands, params.looks) for rgb in views.rgb]
+        out.append(project(mesh, views, one.task, predictions, settings))
         ctx.progress(n + 1, len(descriptions.descriptions))
     return PositiveAffordances(mesh.name, tuple(out))

@@ -1,12 +1,12 @@
-"""lessons of many objects -> the embedded scorer of parts.
+"""Train the embedded part scorer.
 
-Reads   PartLessons of objects to learn from and of objects that judge (their `split`: train or val)
+Reads   PartLessons of training and validation objects (their `split`: train or val)
 Writes  Trained: files (config.json, model.safetensors, card.md, tensorboard/) and the TrainingLog
-Method  a dual encoder: convolutions over what a candidate shows, hashed pieces of words over what is asked; cross-entropy of the
-        share of a candidate that shows the part, and of their IoU. AdamW, linear warm-up and decay; the weights of the best
-        validation are kept. The loop of all trainings: killed, it goes on to the same weights
-Fails   when there is nothing to learn from or nothing that judges
-Paper   takes the place of CLIP (ViT-L/14@336), AffordDex, negative affordance
+Method  a dual encoder: convolutions over crops of candidates, hashed subwords of phrases; cross-entropy of the share of a
+        candidate that shows the part, and of their IoU. AdamW, linear warm-up and decay; the weights of the best validation are
+        kept. The training loop is the common one: a killed training resumes to the same weights
+Fails   when there are no training or no validation objects
+Paper   replaces CLIP (ViT-L/14@336), AffordDex, negative affordance
 """
 
 from __future__ import annotations
@@ -28,26 +28,28 @@ MEMORY_GIB = 2.0
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of `scorer_train`."""
+
     steps: int = 2400
     """steps of the optimiser"""
     objects: int = 8
     """objects in a step"""
     candidates: int = 8
-    """candidates of each of them"""
+    """candidates of each object"""
     lr: float = 2e-3
-    """learning rate after the warm-up; it falls linearly to 0"""
+    """learning rate after the warm-up; it decays linearly to 0"""
     warmup: int = 50
     """steps of linear warm-up"""
     weight_decay: float = 0.05
-    """of AdamW"""
+    """weight decay of AdamW"""
     validate_every: int = 500
     """steps between two validations"""
     seed: int = 0
-    """seed of weights, order, words and views"""
+    """seed of weights, order, phrases and views"""
 
 
 def run(lessons: tuple[PartLessons, ...], params: Params, ctx: Context) -> Trained:
-    """Train in the scratch folder, where a killed training goes on."""
+    """Train in the scratch folder, from which a killed training resumes."""
     from afford.common.files import tree
     from afford.surface.score import part_scorer
     from afford.surface.score import train_scorer as parts

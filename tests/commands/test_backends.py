@@ -53,7 +53,7 @@ def test_why_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     key = ("mask_score", "clip")
     assert "--set mask_score.clip.model=FOLDER" in str(found("mask_score")[key]["why_not"])
     sets = ("mask_score", "--set", "mask_score.backend=clip", "--set")
-    assert "got none" in str(found(*sets, f"mask_score.clip.model={empty}")[key]["why_not"])
+    assert "no .json and .safetensors" in str(found(*sets, f"mask_score.clip.model={empty}")[key]["why_not"])
     assert "no such folder" in str(found(*sets, "mask_score.clip.model=/nowhere/at/all")[key]["why_not"])
     assert found(*sets, f"mask_score.clip.model={full}")[key]["usable"] is True
     asked = ("part_describe", "--set", "part_describe.endpoint.url=http://127.0.0.1:1/v1",

@@ -11,7 +11,7 @@ import pytest
 
 from afford.extraction.sources.discover import discover
 from stages.extraction import source_read
-from tests.extraction.test_readers_own import coco, compressed, read_own
+from tests.extraction.test_own_video import coco, compressed, read_own
 from tests.helpers import made_epic
 from tests.helpers.command import call
 from tests.helpers.mesh_files import box

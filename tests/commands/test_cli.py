@@ -110,7 +110,7 @@ def test_a_source_that_is_none_is_refused(what: str, tmp_path: Path) -> None:
     source = tmp_path / "source"
     {"nothing": lambda: None, "file": source.touch, "empty": source.mkdir}[what]()
     refused = call("run", "dataset", "--source", source, "--store", tmp_path / "store")
-    assert refused.code == 2 and f"--source {source}: expected" in refused.err and refused.err.count(str(source)) == 1
+    assert refused.code == 2 and f"error: --source {source}: " in refused.err and refused.err.count(str(source)) == 1
 
 
 @pytest.mark.parametrize("target", ["dataset", "scenes", "recordings", "extraction-report"])

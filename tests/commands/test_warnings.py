@@ -20,7 +20,7 @@ GOOD, BAD = VIDEOS
 def reported(mine: Made, monkeypatch: pytest.MonkeyPatch) -> RunReport:
     """The report of one run of `recordings`."""
     seen: list[RunReport] = []
-    monkeypatch.setattr(command, "show", lambda *given: seen.extend(one for one in given if isinstance(one, RunReport)))
+    monkeypatch.setattr(command, "show_summary", lambda *given: seen.extend(one for one in given if isinstance(one, RunReport)))
     assert mine.run("recordings").code == 0
     return seen[-1]
 

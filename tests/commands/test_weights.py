@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from afford.extraction.tracks import Sam2
-from afford.models.weights import file_stamps, find_model, weight_files, weights_root, with_weights
+from afford.models.weights import file_stamps, find_model, weight_files, weights_root, with_local_weights
 from commands import backends
 from commands.errors import UsageError
 from commands.settings import settings
@@ -51,7 +51,8 @@ def test_files_are_what_is_read_of_a_model(model: Path, tmp_path: Path) -> None:
 
 def test_params_say_where_the_files_lie(model: Path) -> None:
     params = Sam2("label")
-    assert with_weights(params, None) is params and with_weights(params, weight_files(str(model), digest)).model == str(model)
+    assert with_local_weights(params, None) is params
+    assert with_local_weights(params, weight_files(str(model), digest)).model == str(model)
 
 
 def test_files_under_other_names_are_given_theirs(tmp_path: Path) -> None:
@@ -114,7 +115,7 @@ def test_a_backend_that_reads_weights_is_refused_without_any(model: Path) -> Non
 
 def test_a_hub_id_without_a_network_is_one_sentence(tmp_path: Path) -> None:
     """What was downloaded before is found; what was not says how to get it."""
-    code = ("from afford.models.weights import find\ntry:\n    find('some-owner/some-model')\n"
+    code = ("from afford.models.weights import find_model\ntry:\n    find_model('some-owner/some-model')\n"
             "except ValueError as error:\n    print(error)")  # fmt: skip
     environment = {**os.environ, "HF_HUB_OFFLINE": "1", "HF_HOME": str(tmp_path)}
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, env=environment, capture_output=True, text=True)

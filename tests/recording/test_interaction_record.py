@@ -116,6 +116,6 @@ def test_rerun_gets_pictures_and_curves(recorded: Path, tmp_path: Path) -> None:
     found: dict[str, set[str]] = {}
     for chunk in RrdReader(out).stream():
         found.setdefault(str(chunk.entity_path), set()).update(chunk.to_record_batch().schema.names)
-    assert {"/frame/image", "/said/affordance", "/confident/affordance", "/truth/affordance", "/attention", "/motion", "/log",
+    assert {"/frame/image", "/likeliest/affordance", "/confident/affordance", "/truth/affordance", "/attention", "/motion", "/log",
             *(f"/action/{name}" for name in AFFORDANCES)} <= set(found)  # fmt: skip
-    assert "DepthImage:meter" in found["/depth"] and "EncodedImage:blob" in found["/said/image"]
+    assert "DepthImage:meter" in found["/depth"] and "EncodedImage:blob" in found["/likeliest/image"]

@@ -110,7 +110,7 @@ def test_files_of_a_run_are_recorded_as_they_are(tmp_path: Path) -> None:
 
 def test_files_without_anything_to_show_are_refused(tmp_path: Path) -> None:
     """A recording always shows something."""
-    with pytest.raises(ValueError, match="expected JSON, Markdown or pictures to record, got none among 1 files"):
+    with pytest.raises(ValueError, match="none of 1 files is JSON, Markdown or a picture"):
         run_record.run(written(tmp_path, {"x.parquet": b""}), run_record.Params("dataset_pack"), Ctx(tmp_path))
 
 

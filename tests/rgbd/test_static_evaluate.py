@@ -112,7 +112,7 @@ def test_what_cannot_be_scored_is_refused(model: FileTree, tmp_path: Path) -> No
     nothing = sample(np.full((40, 40), BACKGROUND, np.uint8))
     usual = static_evaluate.Params()
     for params, hint in ((replace(usual, split="val"), "pictures of the split 'val'"),
-                         (usual, "umd: expected pictures with an affordance"), (replace(usual, backend="other"), "choose one of")):
+                         (usual, "umd: none of 1 pictures has an affordance"), (replace(usual, backend="other"), "choose one of")):
         with pytest.raises((ValueError, KeyError), match=hint):
             static_evaluate.run(StaticSet((nothing,), ()), model, params, Scratch(tmp_path))
 

@@ -12,7 +12,7 @@ from afford.common.worker import use_kernel_cache
 from commands.errors import UsageError
 from commands.origin import origin
 from commands.run import Request, run
-from maps.rgbd import REPORTS, detector, pictures, told
+from maps.rgbd import REPORTS, detector, evaluate_pictures, pictures
 from maps.settings import SYSTEM_OF, Origin, Settings
 from pipeline import build
 from runner import Graph, Runner
@@ -37,7 +37,7 @@ def test_three_reports_on_the_same_pictures() -> None:
     g, p = Graph(), Settings()
     samples = pictures(g, FileTree("umd", ()), p)
     boxes = g.pick(detector(g, g.leaf("dataset", FileTree("made", ())), p), lambda trained: trained.files)
-    found = told(g, samples, g.leaf("model", FileTree("sor3d", ())), boxes, p)
+    found = evaluate_pictures(g, samples, g.leaf("model", FileTree("sor3d", ())), boxes, p)
     g.target("static", *found)
     stages = {node.name: node for node in g.stages()}
     assert set(stages) == {"static_read", "boxes_train", *REPORTS}

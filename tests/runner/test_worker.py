@@ -1,4 +1,4 @@
-"""What a worker prepares holds for every library, and nothing depends on where in memory an array lies."""
+"""Worker preparation holds for every library, and results do not depend on memory addresses."""
 
 from __future__ import annotations
 
@@ -38,13 +38,13 @@ def prepared(**environment: str) -> dict[str, object]:
 
 
 def test_bytes_do_not_depend_on_where_arrays_lie() -> None:
-    """The same mask forty times, wherever memory has room for it: one distance, to the last bit."""
+    """The same mask at forty addresses gives one distance transform, to the last bit."""
     found = prepared()
     assert found["kinds"] == [1, 1] and found["ipp"] is False
 
 
 def test_the_number_of_threads_is_that_of_the_stage() -> None:
-    """Whatever the environment says."""
+    """The environment does not matter."""
     assert prepared(OMP_NUM_THREADS="3")["threads"] == [1, "1"]
 
 
@@ -63,30 +63,33 @@ print(json.dumps([[pool["user_api"], pool["num_threads"]] for pool in threadpool
     ("import numpy", ""), ("import numpy, scipy.linalg", ""), ("", "import scipy.linalg"), ("", "import torch"),
     ("import torch", "")])
 def test_blas_and_openmp_have_the_threads_of_the_task(before: str, after: str) -> None:
-    """Libraries that were loaded before the preparation, as the codec loads numpy, and those that a stage loads later."""
+    """Libraries loaded before the preparation (numpy by the codec), and libraries that a stage loads later."""
     pools = output(THREADS.format(before=before, after=after), OMP_NUM_THREADS="3", OPENBLAS_NUM_THREADS="3")
     assert pools and all(threads == 1 for _, threads in pools)
 
 
 STATES = """
 import json, random
-{before}
 from afford.common.worker import prepare
-for seed in (1, 5):
-    prepare(seed=seed, threads=1)
-    {between}
-import numpy, torch
-print(json.dumps([random.random(), numpy.random.rand(), torch.rand(1).item()]))
+
+def draw():
+    import numpy, torch
+    return [random.random(), numpy.random.rand(), torch.rand(1).item()]
+
+found = []
+for seeds in {seeds}:
+    for seed in seeds:
+        prepare(seed=seed, threads=1)
+    found.append(draw())
+print(json.dumps(found))
 """
 
 
 def test_global_random_states_come_from_the_seed_of_the_task() -> None:
-    """`random`, numpy and torch; also where torch is loaded by the stage itself, in a worker that has had other tasks or not."""
-    found = [output(STATES.format(before=before, between=between))
-             for before, between in (("", "pass"), ("import torch", "pass"), ("", "random.random(); __import__('torch').rand(1)"))]
-    assert found[0] == found[1]
-    other = [output(STATES.replace("(1, 5)", seeds).format(before="", between="pass")) for seeds in ("(5,)", "(6,)")]
-    assert other[0] == found[0] and all(a != b for a, b in zip(*other, strict=True))
+    """The states of `random`, numpy and torch, fresh or after other tasks, torch loaded by the stage or before."""
+    first, again, other = output(STATES.format(seeds="((1, 5), (5,), (6,))"))
+    (fresh,) = output(STATES.format(seeds="((5,),)"))
+    assert first == again == fresh and all(a != b for a, b in zip(fresh, other, strict=True))
 
 
 KERNEL = """
@@ -101,22 +104,40 @@ print(json.dumps([kernel.double(21), sum(kernel.double.stats.cache_hits.values()
 """
 
 
-def test_a_flipped_byte_of_compiled_code_is_found_before_it_runs(tmp_path: Path) -> None:
-    """Compiled kernels are verified; one that does not fit is compiled again, and the next process finds it whole."""
-    code = tmp_path / "code"
-    code.mkdir()
-    (code / "kernel.py").write_text("import numba\n\n@numba.njit(cache=True)\ndef double(x):\n    return 2 * x\n")
-    script = KERNEL.format(root=str(ROOT), store=str(tmp_path / "store"), code=str(code))
-    assert output(script) == [42, 0] and output(script) == [42, 1]
-    files = sorted((tmp_path / "store" / ".cache" / "numba").rglob("*.nb[ci]"))
+@pytest.fixture(scope="module")
+def compiled(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """Folder of a store with one compiled kernel, and the script that prints [result of the kernel, cache hits]."""
+    folder = tmp_path_factory.mktemp("compiled")
+    (folder / "code").mkdir()
+    (folder / "code" / "kernel.py").write_text("import numba\n\n@numba.njit(cache=True)\ndef double(x):\n    return 2 * x\n")
+    script = KERNEL.format(root=str(ROOT), store=str(folder / "store"), code=str(folder / "code"))
+    assert output(script) == [42, 0]
+    return folder, script
+
+
+@pytest.mark.parametrize("places", [(0.5,), pytest.param((3, 40), marks=pytest.mark.slow)], ids=str)
+def test_a_flipped_byte_of_compiled_code_is_found_before_it_runs(places: tuple[float, ...], compiled: tuple[Path, str]) -> None:
+    """Compiled kernels are verified. A damaged one is compiled again, and the next process loads it."""
+    folder, script = compiled
+    assert output(script) == [42, 1]
+    files = sorted((folder / "store" / ".cache" / "numba").rglob("*.nb[ci]"))
     assert len(files) == 2
-    for path in files:
-        for place in (3, 40, 0.5):
-            data = bytearray(path.read_bytes())
-            data[place if isinstance(place, int) else int(place * len(data))] ^= 4
-            path.write_bytes(data)
-            assert output(script) == [42, 0], (path.name, place)
-            assert output(script) == [42, 1], (path.name, place)
+    for path, place in ((path, place) for path in files for place in places):
+        data = bytearray(path.read_bytes())
+        data[place if isinstance(place, int) else int(place * len(data))] ^= 4
+        path.write_bytes(data)
+        assert output(script) == [42, 0], (path.name, place)
+    assert output(script) == [42, 1]
+
+
+def test_a_child_process_of_a_stage_shares_the_compiled_code(compiled: tuple[Path, str]) -> None:
+    """It inherits the folder by its environment, and leaves the code that workers have compiled as it is."""
+    store, script = compiled
+    (folder,) = (store / "store" / ".cache" / "numba").iterdir()
+    code = str(store / "code")
+    plain = f"import json, sys; sys.path.insert(0, {code!r}); import kernel; print(json.dumps(kernel.double(21)))"
+    assert output(plain, NUMBA_CACHE_DIR=str(folder)) == 42
+    assert output(script) == [42, 1]
 
 
 FONTS = """
@@ -131,31 +152,18 @@ print(json.dumps([path.read_text() for path in found]))
 
 
 def test_a_flipped_byte_of_the_list_of_fonts_is_found_before_it_is_used(tmp_path: Path) -> None:
-    """It is made again; another name of a font would draw other pictures."""
+    """The list is rebuilt; another font name would change pictures."""
     script = FONTS.format(store=str(tmp_path))
     (whole,) = output(script)
     (path,) = tmp_path.rglob("fontlist-*.json")
     path.write_text(whole.replace("DejaVu", "DejaWu", 1))
     again = output(script)
-    assert "DejaWu" not in again[0] and output(script) == again, "made anew once, then kept"
+    assert "DejaWu" not in again[0] and output(script) == again, "rebuilt once, then kept"
 
 
 def output(script: str, **environment: str) -> Any:
-    """The JSON that a script prints last, in a process of its own."""
+    """Last line of a script's output as JSON, from its own process."""
     env = {**os.environ, "PYTHONPATH": str(ROOT), **environment}
     done = subprocess.run([sys.executable, "-c", script], env=env, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout.splitlines()[-1])
-
-
-def test_a_process_without_the_preparation_shares_the_compiled_code(tmp_path: Path) -> None:
-    """A program that a stage starts inherits the folder by its environment, and reads what workers have compiled."""
-    code = tmp_path / "code"
-    code.mkdir()
-    (code / "kernel.py").write_text("import numba\n\n@numba.njit(cache=True)\ndef double(x):\n    return 2 * x\n")
-    script = KERNEL.format(root=str(ROOT), store=str(tmp_path / "store"), code=str(code))
-    assert output(script) == [42, 0]
-    (folder,) = (tmp_path / "store" / ".cache" / "numba").iterdir()
-    plain = f"import json, sys; sys.path.insert(0, {str(code)!r}); import kernel; print(json.dumps(kernel.double(21)))"
-    assert output(plain, NUMBA_CACHE_DIR=str(folder)) == 42
-    assert output(script) == [42, 1]

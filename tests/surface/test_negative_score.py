@@ -128,7 +128,7 @@ def test_the_report_is_files(tmp_path) -> None:  # type: ignore[no-untyped-def]
     assert sheet.shape == (32, 32, 3)
     text = found.files[1].path.read_text()
     assert "| mug | seen | 0.600 |" in text and "| afford | unseen | 0.900 |" in text
-    with pytest.raises(ValueError, match="got none"):
+    with pytest.raises(ValueError, match="no scored object"):
         negative_affordance_report.run((), negative_affordance_report.Params(), Scratch(tmp_path))
 
 

@@ -76,5 +76,5 @@ def test_it_learns(tmp_path) -> None:  # type: ignore[no-untyped-def]
 def test_without_objects_to_learn_from_or_to_judge_nothing_is_trained(missing: str) -> None:
     """The split is named."""
     some = tuple(one for one in lessons() if one.split != missing)
-    with pytest.raises(ValueError, match=f"expected objects of the split {missing}"):
+    with pytest.raises(ValueError, match=f"no object of the split {missing}"):
         parts.scorer_task(parts.init_scorer(TINY, 0), some, 0, 2, 6)

@@ -1,4 +1,4 @@
-"""The plan: shares of affordances, at least two uses of every thing, nothing and nobody in both splits."""
+"""Plan of interactions: shares of affordances, two affordances per object type, disjoint splits."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from stages.synthetic import interaction_plan
 SPECS = interaction_plan.run(interaction_plan.Params())
 
 
-def test_every_thing_has_two_uses_and_every_affordance_a_thing() -> None:
-    """The paper asks for two at least; the table and what is planned both keep to it."""
+def test_object_types_have_two_affordances_each() -> None:
+    """The paper requires at least two; both the rules and the plan satisfy it."""
     assert tuple(AFFORDANCE_RULES) == OBJECT_TYPES
     assert set().union(*AFFORDANCE_RULES.values()) == set(AFFORDANCES) == set(CODE_ORDER) == set(COLOURS_BGR) == set(SHARES)
     for split in ("train", "val"):
@@ -22,8 +22,8 @@ def test_every_thing_has_two_uses_and_every_affordance_a_thing() -> None:
         assert min(map(len, seen.values())) >= 2, seen
 
 
-def test_nothing_is_in_both_splits() -> None:
-    """Instances, the seeds that make them, people, names, seeds."""
+def test_splits_share_no_instance_person_or_seed() -> None:
+    """Instances, their seeds, people, names and sequence seeds are disjoint."""
     train, val = ([s for s in SPECS if s.split == split] for split in ("train", "val"))
     assert (len(train), len(val)) == (360, 60)
     for field in ("instance", "instance_seed", "subject", "name", "seed"):
@@ -31,8 +31,8 @@ def test_nothing_is_in_both_splits() -> None:
     assert len({s.name for s in SPECS}) == len({s.seed for s in SPECS}) == len(SPECS)
 
 
-def test_affordances_come_by_their_shares() -> None:
-    """As near as whole numbers can be, at any length of the plan."""
+def test_affordances_follow_their_shares() -> None:
+    """Counts are as close to the shares as integers allow, for plans of any length."""
     for count in (9, 100, 240):
         plan = interaction_plan.run(interaction_plan.Params(train=count, val=0))
         found = Counter(spec.affordance for spec in plan)
@@ -40,15 +40,15 @@ def test_affordances_come_by_their_shares() -> None:
         assert all(abs(found[name] - count * share / total) <= 1 for name, share in SHARES.items()), found
 
 
-def test_one_instance_is_used_in_several_ways() -> None:
-    """So that what a thing is does not tell what will be done with it."""
+def test_instances_have_several_affordances() -> None:
+    """An instance alone does not reveal the affordance."""
     uses: dict[str, set[str]] = {}
     for spec in SPECS:
         uses.setdefault(spec.instance, set()).add(spec.affordance)
     assert sum(len(names) > 1 for names in uses.values()) > len(uses) / 2
 
 
-def test_an_empty_plan_is_refused() -> None:
-    """In one sentence."""
+def test_empty_plan_is_refused() -> None:
+    """The error is one sentence."""
     with pytest.raises(ValueError, match="interaction_plan: expected at least one sequence"):
         interaction_plan.run(interaction_plan.Params(train=0, val=0))

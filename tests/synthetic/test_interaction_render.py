@@ -1,4 +1,4 @@
-"""Rendered interactions: same bytes twice, truth that agrees with itself, a label that is the table's, a sensor's depth."""
+"""Rendered interactions: determinism, consistent ground truth, labels that follow the rules, sensor model of depth."""
 
 from __future__ import annotations
 
@@ -28,27 +28,28 @@ def render(folder, spec=SPEC, params=PARAMS):
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """A can that is pushed, seen by a sensor without noise."""
+    """Pushed can, recorded by a sensor without noise."""
     return render(tmp_path_factory.mktemp("exact"), params=EXACT)
 
 
-def test_the_same_spec_gives_the_same_bytes(tmp_path) -> None:
-    """Files by digest, truth by value."""
+def test_same_spec_gives_the_same_bytes(tmp_path) -> None:
+    """Files are compared by digest, ground truth by value."""
     first, second = render(tmp_path / "a"), render(tmp_path / "b")
     assert [(f.name, f.digest) for f in first.files.files] == [(f.name, f.digest) for f in second.files.files]
     assert np.array_equal(first.truth.flow_m, second.truth.flow_m)
 
 
-def test_another_seed_is_another_sequence() -> None:
-    """The same obj elsewhere, another label."""
+def test_another_seed_gives_another_sequence() -> None:
+    """The same object has another pose and another label."""
     (interaction, label), (other, another) = (plan_sequence(replace(SPEC, seed=seed), 0, 48) for seed in (11, 12))
     assert not np.array_equal(label, another)
     assert np.array_equal(interaction.manipulation.hold.model.points, other.manipulation.hold.model.points)
 
 
-def test_flow_leads_to_the_depth_of_the_next_frame(made) -> None:
-    """A point moved by flow_m projects to where flow_px says, and where it is seen there, that is its depth. Static camera: what
-    does not move has no flow at all.
+def test_flow_agrees_with_the_depth_of_the_next_frame(made) -> None:
+    """A point moved by flow_m projects to flow_px, and where it is visible in the next frame, its depth agrees.
+
+    The camera is static, so points that do not move have zero flow.
     """
     clip, truth = interaction_read.run(made.files, interaction_read.Params()), made.truth
     K, (height, width) = clip.K, clip.label.shape
@@ -71,8 +72,8 @@ def test_flow_leads_to_the_depth_of_the_next_frame(made) -> None:
         assert (change == 0).mean() > 0.98 and change.max() < 0.03
 
 
-def test_a_pushed_thing_moves_and_comes_to_rest() -> None:
-    """It is somewhere else at the end, it does not leave the table, and the hand has left it."""
+def test_pushed_object_moves_and_comes_to_rest() -> None:
+    """The object ends at another pose on the table, and the hand has left it."""
     interaction, label = plan_sequence(SPEC, 0, 64)
     start, end = interaction.manipulation.object_track.at(0.0), interaction.manipulation.object_track.at(27.0)
     assert 0.06 < np.linalg.norm(end[:3, 3] - start[:3, 3]) < 0.13
@@ -82,8 +83,8 @@ def test_a_pushed_thing_moves_and_comes_to_rest() -> None:
     assert (last.entity_ids()[label != BACKGROUND] == OBJECT).all()
 
 
-def test_the_label_of_a_push_is_the_half_at_the_hand() -> None:
-    """In the picture it lies on the side that the obj was pushed away from."""
+def test_push_label_is_the_half_at_the_hand() -> None:
+    """The label is on the side from which the object was pushed."""
     interaction, label = plan_sequence(SPEC, 0, 96)
     last = SurfaceHits.of(interaction, interaction.instances(27.0))
     obj = np.argwhere(last.entity_ids() == OBJECT)
@@ -94,10 +95,20 @@ def test_the_label_of_a_push_is_the_half_at_the_hand() -> None:
     assert 0.2 < (label != BACKGROUND).sum() / len(obj) < 0.8
 
 
-@pytest.mark.parametrize(("kind", "affordance"), [(kind, name) for kind in AFFORDANCE_RULES for name in AFFORDANCE_RULES[kind]])
-def test_every_use_can_be_shown(kind: str, affordance: str) -> None:
-    """A label on the obj that is seen in the last frame; the obj at rest before the touch and after the release; the hand
-    close to it between.
+USES = [(kind, name) for kind in AFFORDANCE_RULES for name in AFFORDANCE_RULES[kind]]
+FEW = {("ball", "squeeze"), ("book", "grasp"), ("bottle", "rotate"), ("brush", "paint"), ("can", "push"), ("cup", "lift"),
+       ("hammer", "hammer"), ("knife", "cut"), ("pitcher", "grasp"), ("smartphone", "type"), ("sponge", "lift")}  # fmt: skip
+"""one pair for every object type and every affordance"""
+
+
+def test_quick_cases_cover_every_object_type_and_affordance() -> None:
+    """`make test` covers each at least once; `make test-all` covers every pair."""
+    assert set(USES) > FEW and {kind for kind, _ in FEW} == set(AFFORDANCE_RULES) and {name for _, name in FEW} == set(AFFORDANCES)
+
+
+@pytest.mark.parametrize(("kind", "affordance"), [pytest.param(*use, marks=() if use in FEW else pytest.mark.slow) for use in USES])
+def test_manipulation_shows_its_affordance(kind: str, affordance: str) -> None:
+    """The label is visible in the last frame, the object is at rest before contact and after release, and the hand is close to it.
     """
     interaction, label = plan_sequence(InteractionSpec("n", "val", kind, affordance, "i", 3, 1, 4), 1, 48)
     manipulation = interaction.manipulation
@@ -117,14 +128,14 @@ def test_every_use_can_be_shown(kind: str, affordance: str) -> None:
     assert low <= moved <= high, moved
 
 
-def test_what_a_thing_is_not_used_for_is_refused() -> None:
-    """In one sentence that lists what it is used for."""
+def test_unsupported_affordance_is_refused() -> None:
+    """The error lists the affordances of the object."""
     with pytest.raises(ValueError, match="expected one of grasp, lift, cut for a knife, got 'type'"):
         affordance_rule("knife", "type")
 
 
-def test_depth_steps_and_holes() -> None:
-    """Whole millimetres; noise grows with distance; nothing invented behind a hole; a plane has few holes, an edge many."""
+def test_depth_sensor_noise_quantization_and_holes() -> None:
+    """Depth is in whole millimetres and its noise grows with distance; a plane has few holes, an edge many."""
     K = np.array([[136.0, 0, 55.5], [0, 136, 55.5], [0, 0, 1]])
     rng = np.random.default_rng(0)
     plane = np.full((112, 112), 0.8, np.float32)
@@ -140,7 +151,7 @@ def test_depth_steps_and_holes() -> None:
     np.testing.assert_allclose(exact, edge, atol=6e-4)
 
 
-def test_numbers_out_of_range_are_refused(tmp_path) -> None:
-    """Before anything is drawn."""
+def test_parameters_out_of_range_are_refused(tmp_path) -> None:
+    """The check precedes rendering."""
     with pytest.raises(ValueError, match="interaction_render: expected height_px"):
         render(tmp_path, params=interaction_render.Params(frames=1))

@@ -1,4 +1,4 @@
-"""Laws of a built object: what it is asked to be, closed, textured, labelled, the same again."""
+"""Built objects: spec, closed textured mesh, part labels, determinism."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SPEC = ObjectSpec("iron_03", "iron", 11, "mixed", "seen")
 SMALL = Params(edge_m=0.012, max_faces=8000, atlas_px=128)
 
 
-def test_a_built_object_is_what_its_spec_says() -> None:
+def test_object_matches_its_spec() -> None:
     """Names and category; a closed surface; uv inside the texture; a part for every face."""
     made = object_build.run(SPEC, SMALL)
     mesh, parts = made.mesh, made.parts
@@ -30,8 +30,8 @@ def test_a_built_object_is_what_its_spec_says() -> None:
     assert {"plate", "handle"} <= set(parts.names)
 
 
-def test_the_default_detail_is_six_millimetres_within_twenty_thousand_faces() -> None:
-    """A small thing has edges of six at most, a large one somewhat longer ones."""
+def test_default_edge_length_and_face_limit() -> None:
+    """A small object has edges of at most 6 mm, a large one somewhat longer edges."""
     for category, longest in (("razor", 0.0061), ("pan", 0.0105)):
         mesh = object_build.run(ObjectSpec("x", category, 1, "mixed", "train"), Params()).mesh
         tri = mesh.vertices[mesh.faces]
@@ -39,8 +39,8 @@ def test_the_default_detail_is_six_millimetres_within_twenty_thousand_faces() ->
         assert np.linalg.norm(tri - np.roll(tri, 1, axis=1), axis=2).max() < longest
 
 
-def test_the_same_spec_gives_the_same_artifact() -> None:
-    """Byte for byte; another seed gives another."""
+def test_same_spec_gives_the_same_artifact() -> None:
+    """Digests are equal; another seed gives another artifact."""
     first, again = object_build.run(SPEC, SMALL), object_build.run(SPEC, SMALL)
     other = object_build.run(dataclasses.replace(SPEC, seed=12), SMALL)
     assert CODEC.digest(first.mesh) == CODEC.digest(again.mesh) != CODEC.digest(other.mesh)
@@ -49,7 +49,7 @@ def test_the_same_spec_gives_the_same_artifact() -> None:
 
 @pytest.mark.parametrize(("field", "value", "message"), [("category", "sofa", "expected one of axe, .*, got 'sofa'"),
                                                          ("look", "bare", "expected mixed or plain, got 'bare'")])  # fmt: skip
-def test_unknown_words_are_refused(field: str, value: str, message: str) -> None:
-    """With what was expected."""
+def test_unknown_category_and_look_are_refused(field: str, value: str, message: str) -> None:
+    """The error lists the expected values."""
     with pytest.raises(ValueError, match=message):
         object_build.run(dataclasses.replace(SPEC, **{field: value}), SMALL)

@@ -1,4 +1,4 @@
-"""Laws of the plan of objects: splits are disjoint, unseen is unseen, streams are independent."""
+"""Plan of objects: disjoint splits, held-out categories, independent random streams."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ def test_unseen_categories_are_in_no_other_split() -> None:
     assert len({spec.name for spec in plan}) == len({spec.seed for spec in plan}) == len(plan)
 
 
-def test_numbers_are_as_asked_and_half_of_the_evaluation_is_plain() -> None:
-    """By alternation, within every category."""
+def test_counts_per_split_and_look() -> None:
+    """Looks alternate within every category, so half of the evaluation objects have a single material."""
     plan = object_plan.run(Params(train_per_category=4, val_per_category=1, seen_per_category=2, unseen_per_category=4))
     counts = Counter((spec.split, spec.look) for spec in plan)
     assert counts["seen", "plain"] == counts["seen", "mixed"] == len(TRAINED_CATEGORIES)
@@ -30,8 +30,8 @@ def test_numbers_are_as_asked_and_half_of_the_evaluation_is_plain() -> None:
     assert not any(spec.look == "plain" for spec in object_plan.run(Params(train_plain_every=0)) if spec.split == "train")
 
 
-def test_more_of_one_split_or_category_changes_nothing_else() -> None:
-    """Every split and category draws from a stream of its own; the seed changes all."""
+def test_splits_and_categories_have_independent_seeds() -> None:
+    """Splits and categories have their own random stream; the seed changes all."""
     few, many = (object_plan.run(Params(train_per_category=n)) for n in (1, 5))
     assert {spec for spec in few if spec.split != "train"} == {spec for spec in many if spec.split != "train"}
     assert set(few) < set(many)
@@ -39,8 +39,8 @@ def test_more_of_one_split_or_category_changes_nothing_else() -> None:
     assert not {s.seed for s in few} & {s.seed for s in object_plan.run(Params(seed=1, train_per_category=1))}
 
 
-def test_some_splits_and_categories_are_some_of_all() -> None:
-    """The same objects as in the whole plan; what does not exist is refused by name."""
+def test_selected_splits_and_categories_are_a_subset_of_the_plan() -> None:
+    """Objects equal those of the whole plan; an unknown split or category is an error that contains it."""
     plan = object_plan.run(Params())
     some = object_plan.run(Params(splits=("val", "unseen"), categories=("mug", "axe")))
     assert some == tuple(s for s in plan if s.split in ("val", "unseen") and s.category in ("mug", "axe"))
@@ -52,7 +52,7 @@ def test_some_splits_and_categories_are_some_of_all() -> None:
 @pytest.mark.parametrize("wrong", [{"val_per_category": -1}, {"train_plain_every": -2},
                                    dict.fromkeys(("train_per_category", "val_per_category", "seen_per_category",
                                                   "unseen_per_category"), 0)])  # fmt: skip
-def test_nothing_to_build_is_refused(wrong: dict[str, int]) -> None:
-    """Negative numbers and an empty plan."""
+def test_empty_plan_and_negative_counts_are_refused(wrong: dict[str, int]) -> None:
+    """The error states the expected counts."""
     with pytest.raises(ValueError, match="expected counts of 0 or more and at least one object"):
         object_plan.run(Params(**wrong))

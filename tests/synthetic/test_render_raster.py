@@ -1,4 +1,4 @@
-"""Laws of the rasteriser: geometry that can be worked out by hand, exact ids, sharing that changes nothing."""
+"""Software rasterizer: analytic geometry, exact ids, and shared shading without differences."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ NOISE = Material(np.random.default_rng(0).integers(0, 255, (64, 64, 3)).astype(n
 
 
 def camera(width: int = 96, height: int = 64, eye: tuple[float, float, float] = (0.0, 0.0, 0.6)) -> Camera:
-    """Looks straight down: x right in the world is x right in the image, y up in the world is up in the image."""
+    """Camera that looks straight down: world x is right and world y is up in the image."""
     T = np.eye(4)
     T[:3, :3] = np.array([[1, 0, 0], [0, -1, 0], [0, 0, -1.0]])
     T[:3, 3] = eye
@@ -36,14 +36,14 @@ def textures(instances: list[Instance]) -> Textures:
     return Textures.of(i.material for i in instances)
 
 
-def test_a_plane_has_its_depth_everywhere() -> None:
+def test_depth_of_a_plane_is_constant() -> None:
     """Depth is distance along the optical axis, not along the ray."""
     ids, depth = draw_ids([table()], camera(), textures([table()]))
     assert (ids == BACKGROUND).all()
     np.testing.assert_allclose(depth, 0.6, atol=1e-5)
 
 
-def test_a_square_covers_the_pixels_whose_centres_it_covers() -> None:
+def test_square_covers_the_pixels_with_covered_centres() -> None:
     """An id is what the ray through the pixel centre (integer coordinates) hits."""
     square = Instance(patch(np.array([-0.061, -0.031, 0.2]), np.array([0.122, 0, 0]), np.array([0, 0.062, 0])), GREY, entity=3)
     ids, _ = draw_ids([table(), square], camera(), textures([table(), square]))
@@ -62,8 +62,8 @@ def test_triangles_that_cross_the_camera_plane_are_drawn() -> None:
     np.testing.assert_allclose(depth[63, 48], 0.1 * 80 / 31, rtol=1e-4)
 
 
-def test_the_bundle_equals_separate_renderings() -> None:
-    """Shading only what hands or their shadows reach gives the very bytes of rendering the scene without them."""
+def test_bundle_equals_separate_renderings() -> None:
+    """Shading only the pixels that hands or their shadows reach gives the bytes of a separate rendering without hands."""
     parts, light = scene(), Light(centre=(0, 0, 0.1), radius_m=0.5)
     pool = textures(parts)
     bundle = render_bundle(parts, [1], 2, camera(), light, pool)
@@ -75,7 +75,7 @@ def test_the_bundle_equals_separate_renderings() -> None:
 
 
 def test_amodal_masks_contain_visible_ones() -> None:
-    """What is seen of an entity is part of the whole of it, and a hidden part is part of nothing visible."""
+    """Visible pixels of an entity are amodal ones, and a hidden part is not visible."""
     parts = scene()
     bundle = render_bundle(parts, [1], 2, camera(), Light(), textures(parts))
     for entity in range(2):
@@ -84,7 +84,7 @@ def test_amodal_masks_contain_visible_ones() -> None:
 
 
 def test_shadows_darken_only() -> None:
-    """A thing above the table takes light away and adds none."""
+    """An object above the table removes light and adds none."""
     parts = scene()
     bundle = render_bundle(parts, [1], 2, camera(), Light(), textures(parts))
     open_table = bundle.ids == BACKGROUND
@@ -93,22 +93,22 @@ def test_shadows_darken_only() -> None:
     assert less[open_table].min() < -20
 
 
-def test_the_same_scene_gives_the_same_bytes() -> None:
-    """Nothing random is left in the renderer."""
+def test_same_scene_gives_the_same_bytes() -> None:
+    """The renderer is deterministic."""
     parts = scene()
     first, second = (render(parts, camera(), Light(), textures(parts)) for _ in range(2))
     assert first.rgb.tobytes() == second.rgb.tobytes()
 
 
-def test_fine_texture_seen_from_afar_is_its_mean() -> None:
-    """Filtered textures do not shimmer: far away, noise becomes even."""
+def test_distant_fine_texture_is_filtered_to_its_mean() -> None:
+    """Texture filtering averages distant noise, so textures do not shimmer."""
     far = render([table()], camera(eye=(0.0, 0.0, 20.0)), Light(vignette=0.0), textures([table()]))
     inside = far.rgb[30:34, 46:50].astype(float)
     assert inside.std(axis=(0, 1)).max() < 8
 
 
-def test_images_must_have_sides_that_are_powers_of_two() -> None:
-    """The pool refuses what its filter cannot wrap."""
+def test_texture_sides_must_be_powers_of_two() -> None:
+    """The texture pool refuses sizes that its filter cannot wrap."""
     with pytest.raises(ValueError, match="powers of two"):
         Textures.of([Material(np.zeros((30, 32, 3), np.uint8))])
 
@@ -131,7 +131,7 @@ def test_solids_are_closed_and_face_outwards(shape) -> None:  # type: ignore[no-
 
 
 def test_merging_keeps_every_face() -> None:
-    """Faces of later shapes point to their own vertices."""
+    """Faces of later shapes refer to their own vertices."""
     both = merge(box((0.1, 0.1, 0.1)), translate(box((0.1, 0.1, 0.1)), 1.0))
     assert both.faces.max() == len(both.vertices) - 1
     np.testing.assert_allclose(both.bounds[1, 0] - both.bounds[0, 0], 1.1, atol=1e-5)

@@ -1,4 +1,4 @@
-"""The face behind every pixel is the one that a ray through its centre hits; depth, cameras and colours agree with it."""
+"""Rendered views: the face of every pixel is the one hit by its ray, with matching depth, camera and colour."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ ASIDE = np.array([0.4, -0.7, 0.5])
 
 
 @pytest.mark.parametrize("shape", SHAPES.values(), ids=SHAPES)
-def test_pixels_know_their_faces(shape) -> None:  # type: ignore[no-untyped-def]
-    """Rays through the pixels hit those faces (a neighbour's on an edge between two), at that depth."""
+def test_pixels_show_the_face_hit_by_their_ray(shape) -> None:  # type: ignore[no-untyped-def]
+    """Rays through the pixel centres hit the rendered faces (or a neighbour at an edge) at the rendered depth."""
     thing = as_object(shape())
     shot = Studio(thing).shoot(ASIDE, 4.0, 96)
     y, x = np.mgrid[:96, :96].reshape(2, -1)
@@ -38,8 +38,8 @@ def test_pixels_know_their_faces(shape) -> None:  # type: ignore[no-untyped-def]
 
 
 @pytest.mark.parametrize("towards", CARDINAL.values(), ids=CARDINAL)
-def test_the_whole_object_is_in_the_picture_and_fills_it(towards: tuple[int, int, int]) -> None:
-    """Every vertex falls inside, and one side of the picture is nearly used up."""
+def test_object_fits_and_fills_the_image(towards: tuple[int, int, int]) -> None:
+    """The vertices are inside the image, and one side of the image is nearly filled."""
     made = slotted()
     made.apply_scale([3, 1, 0.4])
     made.apply_translation([0.2, 1.0, -3.0])
@@ -50,15 +50,15 @@ def test_the_whole_object_is_in_the_picture_and_fills_it(towards: tuple[int, int
     assert np.linalg.det(cam.T_world_cam[:3, :3]) == pytest.approx(1)
 
 
-def test_the_wall_is_where_no_face_is() -> None:
-    """Grey beside the object, well away from its outline; the object is another colour."""
+def test_background_is_where_no_face_is() -> None:
+    """The background is grey away from the outline; the object has another colour."""
     shot = Studio(as_object(ball())).shoot(ASIDE, 4.0, 64)
     assert (shot.rgb[:5, :5] == BACKGROUND).all() and shot.face[0, 0] == -1 and shot.depth_m[0, 0] == 0
     assert not (shot.rgb[shot.face >= 0] == BACKGROUND).all(1).any()
 
 
 def test_texture_is_upright_and_on_its_face() -> None:
-    """v runs upwards: the upper half of a texture is on the faces whose corners have v above one half."""
+    """v points upwards: the upper half of a texture is on the faces whose corners have v above one half."""
     made = ball()
     thing = as_object(made)
     height = (thing.vertices[thing.faces][..., 2] / 0.2 + 0.5).astype(np.float32)
@@ -70,8 +70,8 @@ def test_texture_is_upright_and_on_its_face() -> None:
     assert shot.rgb[(z > 0.03) & (shot.face >= 0)].mean() > 2 * shot.rgb[(z < -0.03) & (shot.face >= 0)].mean()
 
 
-def test_faces_without_area_are_never_seen() -> None:
-    """They keep their place in the numbering of the faces."""
+def test_degenerate_faces_are_never_visible() -> None:
+    """Degenerate faces keep their index in the numbering of the faces."""
     thing = as_object(ball())
     with_flat = replace(thing, faces=np.concatenate([[[0, 0, 1]], thing.faces]).astype(np.int32),
                         uv=np.concatenate([thing.uv[:1], thing.uv]))
@@ -79,7 +79,7 @@ def test_faces_without_area_are_never_seen() -> None:
     assert np.array_equal(np.where(plain >= 0, plain + 1, -1), flat)
 
 
-def test_the_camera_must_be_outside() -> None:
+def test_camera_inside_the_object_is_refused() -> None:
     """A camera in the object sees nothing of use."""
     made = ball()
     with pytest.raises(ValueError, match="outside"):

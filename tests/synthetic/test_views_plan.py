@@ -1,4 +1,4 @@
-"""Views are added until what can be seen has been seen well, and every share is what rays say."""
+"""View planning: views are added until the visible surface is covered, and shares agree with rays."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ def planned(shape: trimesh.Trimesh, wish: ViewSettings) -> tuple[ViewPlan, Surfa
 
 
 @pytest.mark.parametrize("shape", SHAPES.values(), ids=SHAPES)
-def test_concave_or_not_everything_is_seen_well(shape) -> None:  # type: ignore[no-untyped-def]
-    """At least 99 % of what can be seen from outside; the share never falls, and the six come first."""
+def test_planned_views_cover_the_visible_surface(shape) -> None:  # type: ignore[no-untyped-def]
+    """The views cover at least 99 % of the visible surface; the share never decreases, and the six cardinal views come first."""
     found, *_ = planned(shape(), ViewSettings(good_deg=75))
     assert found.share[-1] >= 0.99 and (np.diff(found.share) >= 0).all()
     six = found.towards[:6] / np.linalg.norm(found.towards[:6], axis=1, keepdims=True)
@@ -30,15 +30,15 @@ def test_concave_or_not_everything_is_seen_well(shape) -> None:  # type: ignore[
 
 
 def test_six_views_do_not_see_into_a_slot() -> None:
-    """They see less, and they alone are taken when no share is wished."""
+    """Six views cover less, and no further view is added when no share is requested."""
     six, *_ = planned(slotted(), ViewSettings(good_deg=75, share=0))
     more, *_ = planned(slotted(), ViewSettings(good_deg=75))
     assert len(six.share) == 6 and six.share[-1] < 0.85 < 0.99 <= more.share[-1]
     assert np.array_equal(six.share, more.share[:6])
 
 
-def test_the_share_is_what_rays_from_the_cameras_find() -> None:
-    """Counted again from the other end: rays from each camera to each point hit the point's own face first."""
+def test_covered_share_agrees_with_camera_rays() -> None:
+    """Rays from each camera to each surface point hit the point's own face first."""
     found, surface, rays, around = planned(cup(), ViewSettings(good_deg=75))
     seen = np.zeros(len(surface.points), bool)
     for eye in around.centre + found.towards:
@@ -50,8 +50,8 @@ def test_the_share_is_what_rays_from_the_cameras_find() -> None:
     assert area[seen].sum() / area.sum() == pytest.approx(found.share[-1], abs=0.003)
 
 
-def test_an_angle_is_kept() -> None:
-    """One eye above a ball sees the cap that geometry says: no more than the angle, no more than the horizon."""
+def test_viewing_angle_limit_is_respected() -> None:
+    """A camera above a ball covers the analytic cap: limited by the angle and by the horizon."""
     thing = as_object(ball(0.1, 5))
     surface, rays = Surface.of(thing), Rays(thing.vertices, thing.faces)
     eye = np.array([[0, 0, 0.4]])
@@ -62,6 +62,6 @@ def test_an_angle_is_kept() -> None:
         assert z.min() == pytest.approx(lowest, abs=0.003)
 
 
-def test_no_more_views_than_allowed() -> None:
-    """`most` holds even where more would see more."""
+def test_number_of_views_is_limited() -> None:
+    """`most` limits the number even where more views would cover more."""
     assert len(planned(cup(), ViewSettings(good_deg=60, most=8))[0].share) <= 8

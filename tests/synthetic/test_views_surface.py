@@ -1,4 +1,4 @@
-"""Points stand for the area of a surface; what can be seen from outside is what rays can reach."""
+"""Surface sampling and visibility: points represent the area, and visibility agrees with rays."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ SHAPES = {"ball": ball, "ring": ring, "slotted": slotted, "cup": cup}
 
 
 @pytest.mark.parametrize("shape", SHAPES.values(), ids=SHAPES)
-def test_points_stand_for_the_whole_area(shape) -> None:  # type: ignore[no-untyped-def]
-    """Areas add up to those of the faces; points lie on their faces, normals are theirs."""
+def test_surface_points_represent_the_whole_area(shape) -> None:  # type: ignore[no-untyped-def]
+    """Point areas add up to the face areas; points lie on their faces and have their normals."""
     made = shape()
     surface = Surface.of(as_object(made))
     assert np.bincount(surface.face, surface.area) == pytest.approx(made.area_faces, rel=1e-3)
@@ -22,8 +22,8 @@ def test_points_stand_for_the_whole_area(shape) -> None:  # type: ignore[no-unty
     assert len(np.unique(surface.face)) == len(made.faces)
 
 
-def test_a_large_face_has_many_points_and_all_stand_for_as_much() -> None:
-    """A box of twelve faces is still looked at in thousands of places."""
+def test_large_faces_have_many_points_of_equal_area() -> None:
+    """A box of twelve faces is sampled at thousands of points."""
     import trimesh
 
     surface = Surface.of(as_object(trimesh.creation.box((0.1, 0.1, 0.1))))
@@ -31,8 +31,8 @@ def test_a_large_face_has_many_points_and_all_stand_for_as_much() -> None:
     assert np.abs(surface.points).max(1) == pytest.approx(0.05, abs=1e-6)
 
 
-def test_what_lies_inside_is_not_seen() -> None:
-    """Of a ball in a ball just the outer one; of convex shapes, and of what is open to the sky, everything."""
+def test_inner_surfaces_are_not_visible() -> None:
+    """The outer one of two nested balls is visible, the inner one is not; convex and open shapes are visible everywhere."""
     hidden = as_object(shell())
     surface = Surface.of(hidden)
     seen = surface.visible(Rays(hidden.vertices, hidden.faces), fibonacci_sphere(256))
@@ -43,8 +43,8 @@ def test_what_lies_inside_is_not_seen() -> None:
         assert surface.visible(Rays(thing.vertices, thing.faces), fibonacci_sphere(512)).mean() > 0.995
 
 
-def test_directions_are_spread_evenly() -> None:
-    """Unit vectors; the emptiest place of the sphere is not far from one."""
+def test_directions_are_evenly_spread() -> None:
+    """Directions are unit vectors, and every direction of the sphere is close to one."""
     spread = fibonacci_sphere(500)
     assert np.linalg.norm(spread, axis=1) == pytest.approx(1)
     other = np.random.default_rng(0).normal(size=(2000, 3))
@@ -52,8 +52,8 @@ def test_directions_are_spread_evenly() -> None:
     assert np.degrees(np.arccos((other @ spread.T).max(1).clip(-1, 1))).max() < 8
 
 
-def test_rays_hit_the_ball_where_geometry_says() -> None:
-    """Rays towards the middle hit the face that they point at, others pass; from the surface outwards they escape, inwards not."""
+def test_rays_hit_a_ball_at_the_expected_faces() -> None:
+    """Rays towards the centre hit their face, others miss; outward rays from the surface escape, inward ones do not."""
     made = ball()
     rays = Rays(made.vertices, made.faces)
     middle, out = made.triangles_center, made.face_normals

@@ -57,7 +57,7 @@ def test_the_same_again_runs_nothing_and_another_measure_predicts_nothing(
         compared: tuple[Path, RunReport], tmp_path: Path) -> None:  # fmt: skip
     """Predictions do not hang on the parameters of the scores."""
     from maps.settings import Origin, Settings
-    from maps.twohands import compare
+    from maps.twohands import benchmark_report
     from runner import Graph, Runner
     from stages.twohands import benchmark, score_cases
 
@@ -67,7 +67,7 @@ def test_the_same_again_runs_nothing_and_another_measure_predicts_nothing(
     cases, data, model, other = made_comparison.inputs(tmp_path / "other")
     g = Graph()
     settings = Settings.of(score_cases=score_cases.Params(levels=(0.4, 0.6)), benchmark=benchmark.Params(resamples=50))
-    g.target("benchmark", compare(g, g.leaf("cases", cases), g.leaf("data", data), g.leaf("model", model),
+    g.target("benchmark", benchmark_report(g, g.leaf("cases", cases), g.leaf("data", data), g.leaf("model", model),
                                   Origin("tiny", predictions=(other,)), settings))  # fmt: skip
     changed = Runner(store, ROOT, "afford.codecs:CODEC", "afford.common.worker:prepare", jobs=0).run(g, "benchmark")
     assert changed.ok and all(name.startswith("score_") or name == "benchmark" for name in changed.ran)

@@ -88,7 +88,7 @@ def test_folders_of_predictions_that_cannot_be_read_are_refused(tmp_path: Path) 
     mixed = tmp_path / "mixed"
     write_mask(mixed / "v" / "1" / "aff_left.png", LEFT)
     write_mask(mixed / "0.5" / "v" / "1" / "aff_left.png", LEFT)
-    with pytest.raises(ValueError, match="use one way for all"):
+    with pytest.raises(ValueError, match="use one form for all"):
         answers.Masks(as_tree(mixed), 0.5, "cropped")
 
 

@@ -42,8 +42,8 @@ def find(path: Path) -> list[Source]:
         return [Source(path, path.stem)]
     known = IMAGES + VIDEO_SUFFIXES
     listed = [(PurePosixPath(entry.name), entry) for entry in entries(path)]
-    said = {name.parent for name, _ in listed if name.name == RECORD}
-    found = [name for name, entry in listed if entry.suffix in known and not entry.leaves and not said & set(name.parents)]
+    written = {name.parent for name, _ in listed if name.name == RECORD}
+    found = [name for name, entry in listed if entry.suffix in known and not entry.leaves and not written & set(name.parents)]
     if not found:
         raise SourceError(str(path), f"images or videos ({', '.join(known)}) at any depth", "none", "give another folder")
     stems = Counter(name.with_suffix("") for name in found)

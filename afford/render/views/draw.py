@@ -83,14 +83,14 @@ def _before_wall(rgb: np.ndarray, covered: np.ndarray) -> np.ndarray:
     return np.asarray(rgb + np.rint((1 - share) * BACKGROUND).astype(np.uint8)[..., None])
 
 
-def render_views(mesh: ObjectMesh, wish: ViewSettings, directions: int, size_px: int, supersample: int) -> ObjectViews:
+def render_views(mesh: ObjectMesh, settings: ViewSettings, directions: int, size_px: int, supersample: int) -> ObjectViews:
     """Plan and render all views of one object; ValueError for a mesh without surface."""
     surface = Surface.of(mesh)
     if not surface.area.sum() > 0:
         raise ValueError(f"{mesh.name}: expected faces with an area, got {len(mesh.faces)} faces without any")
-    found = plan_views(surface, Rays(mesh.vertices, mesh.faces), Sphere.of(mesh.vertices), wish, fibonacci_sphere(directions))
+    found = plan_views(surface, Rays(mesh.vertices, mesh.faces), Sphere.of(mesh.vertices), settings, fibonacci_sphere(directions))
     studio = Studio(mesh, supersample)
-    shots = [studio.shoot(towards, wish.distance, size_px) for towards in found.towards]
+    shots = [studio.shoot(towards, settings.distance, size_px) for towards in found.towards]
     names = (*CARDINAL, *(f"added_{n}" for n in range(1, len(shots) - len(CARDINAL) + 1)))
     visible = np.bincount(surface.face, np.where(found.visible, surface.area, 0), len(mesh.faces))
     return ObjectViews(

@@ -49,22 +49,22 @@ class ViewPlan:
     visible: np.ndarray
 
 
-def plan_views(surface: Surface, rays: Rays, around: Sphere, wish: ViewSettings, directions: np.ndarray) -> ViewPlan:
+def plan_views(surface: Surface, rays: Rays, around: Sphere, settings: ViewSettings, directions: np.ndarray) -> ViewPlan:
     """Plan the six cardinal views and the added ones.
 
     Rays in `directions` (d, 3) decide which surface points are visible from outside at all.
     """
     visible = surface.visible(rays, directions)
     weight = np.where(visible, surface.area, 0.0) / max(float(surface.area[visible].sum()), 1e-30)
-    eyes = around.eye(np.array(list(CARDINAL.values()), float), wish.distance)
-    seen = well_seen(surface, rays, eyes, wish.good_deg)
+    eyes = around.eye(np.array(list(CARDINAL.values()), float), settings.distance)
+    seen = well_seen(surface, rays, eyes, settings.good_deg)
     covered, shares = _cover(seen, weight)
-    while shares[-1] < wish.share and len(eyes) < wish.most:
-        added, gains = _next(surface, rays, around, wish, weight * ~covered, directions, round_=len(eyes))
+    while shares[-1] < settings.share and len(eyes) < settings.most:
+        added, gains = _next(surface, rays, around, settings, weight * ~covered, directions, round_=len(eyes))
         if gains < LEAST_GAIN:
             break
         eyes = np.concatenate([eyes, added[None]])
-        covered |= well_seen(surface, rays, added[None], wish.good_deg)[0]
+        covered |= well_seen(surface, rays, added[None], settings.good_deg)[0]
         shares = np.append(shares, weight[covered].sum())
     return ViewPlan(eyes - around.centre, shares, visible)
 
@@ -75,8 +75,8 @@ def well_seen(surface: Surface, rays: Rays, eyes: np.ndarray, good_deg: float) -
     for row, eye in zip(out, eyes.astype(np.float32), strict=True):
         line = eye - surface.points
         line /= np.linalg.norm(line, axis=1, keepdims=True)
-        asked = np.flatnonzero((line * surface.normals).sum(1) >= np.cos(np.radians(good_deg)))
-        row[asked] = rays.escape(surface.points[asked], surface.normals[asked], line[asked])
+        facing = np.flatnonzero((line * surface.normals).sum(1) >= np.cos(np.radians(good_deg)))
+        row[facing] = rays.escape(surface.points[facing], surface.normals[facing], line[facing])
     return out
 
 
@@ -86,19 +86,19 @@ def _cover(seen: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return so_far[-1], so_far @ weight
 
 
-def _next(surface: Surface, rays: Rays, around: Sphere, wish: ViewSettings, missing: np.ndarray, directions: np.ndarray,
+def _next(surface: Surface, rays: Rays, around: Sphere, settings: ViewSettings, missing: np.ndarray, directions: np.ndarray,
           round_: int) -> tuple[np.ndarray, float]:  # fmt: skip
     """Return the eye (3,) that sees most of the `missing` (n,) area, and that area."""
     left = np.flatnonzero(missing)
     rest = Surface(surface.points[left], surface.normals[left], surface.face[left], surface.area[left])
-    spread = around.eye(fibonacci_sphere(AROUND), wish.distance)
-    eyes = np.concatenate([spread, _on_rays(rest, rays, around, wish, directions, round_)])
-    gains = well_seen(rest, rays, eyes, wish.good_deg) @ missing[left]
+    spread = around.eye(fibonacci_sphere(AROUND), settings.distance)
+    eyes = np.concatenate([spread, _on_rays(rest, rays, around, settings, directions, round_)])
+    gains = well_seen(rest, rays, eyes, settings.good_deg) @ missing[left]
     best = int(gains.argmax())
     return eyes[best], float(gains[best])
 
 
-def _on_rays(rest: Surface, rays: Rays, around: Sphere, wish: ViewSettings, directions: np.ndarray, round_: int) -> np.ndarray:
+def _on_rays(rest: Surface, rays: Rays, around: Sphere, settings: ViewSettings, directions: np.ndarray, round_: int) -> np.ndarray:
     """Place eyes on the free rays of some hidden points, as perpendicular to the surface as possible."""
     some = np.random.default_rng(round_).choice(len(rest.points), min(RAYS, len(rest.points)), replace=False)
     points, normals = rest.points[some], rest.normals[some]
@@ -108,7 +108,7 @@ def _on_rays(rest: Surface, rays: Rays, around: Sphere, wish: ViewSettings, dire
     best = square.argmax(1)
     start, way = points[square.max(1) > 0] - around.centre, directions[best[square.max(1) > 0]]
     along = (start * way).sum(1)
-    far = np.sqrt(along**2 - (start * start).sum(1) + (wish.distance * around.radius_m) ** 2) - along
+    far = np.sqrt(along**2 - (start * start).sum(1) + (settings.distance * around.radius_m) ** 2) - along
     return np.asarray(around.centre + start + far[:, None] * way)
 
 

@@ -80,8 +80,8 @@ class Surface:
         """Find points (n,) bool from which a ray escapes along at least one of the (d, 3) directions."""
         out = np.zeros(len(self.points), bool)
         for towards in directions.astype(np.float32):
-            asked = np.flatnonzero(~out & (self.normals @ towards > GRAZING_COS))
-            out[asked] = rays.escape(self.points[asked], self.normals[asked], np.broadcast_to(towards, (len(asked), 3)))
+            facing = np.flatnonzero(~out & (self.normals @ towards > GRAZING_COS))
+            out[facing] = rays.escape(self.points[facing], self.normals[facing], np.broadcast_to(towards, (len(facing), 3)))
         return out
 
 

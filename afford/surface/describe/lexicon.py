@@ -1,7 +1,8 @@
-"""The lexicon: for each thing and task, the parts that a hand must not touch and those where it belongs, one line each.
+"""Embedded lexicon as a describer: negative and positive parts of each object category and task, one row each.
 
-A row holds for one verb (see task.py; '' for any use) and one state (hot, cold; '' for either). `rule` takes the row that fits
-best: verb and state, then the verb alone, then the state alone, then any use. Parts are those of afford/synthetic/objects.
+A row holds for one verb of `VERBS` ('' for any use) and one state (hot, cold; '' for either). `rule` selects the most specific row:
+verb and state, then the verb alone, then the state alone, then any use. Parts are those of afford/synthetic/objects. The lexicon
+reads category and task only; it uses no image.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ VERBS = {
     "spray": ("spray", "mist"),
     "light": ("light", "shine", "ignite"),
 }
-"""What is done -> the words that say so, at the start of a task. The longest that fits is taken."""
+"""verb -> phrases at the start of a task that mean it; the longest matching phrase decides"""
 HOT = ("hot", "boiling", "steaming", "heated", "glowing", "burning", "lit")
 COLD = ("cold", "cool", "cooled", "iced", "unplugged", "unheated")
 STATES = {**dict.fromkeys(HOT, "hot"), **dict.fromkeys(COLD, "cold")}
@@ -49,24 +50,30 @@ STATES = {**dict.fromkeys(HOT, "hot"), **dict.fromkeys(COLD, "cold")}
 
 @dataclass(frozen=True)
 class ParsedTask:
-    """`verb` is a key of VERBS, '' where no verb is known; `state` is hot, cold or '' where the words do not say."""
+    """Verb and state of a task.
+
+    `verb` is a key of VERBS, '' for an unknown one. `state` is hot, cold, or '' for a task that names neither.
+    """
 
     verb: str
     state: str
 
 
 def parse_task(text: str) -> ParsedTask:
-    """What a task says. The last word of state counts ("pour the hot tea from the cold kettle" is about the kettle)."""
+    """Parse the verb and the state of a task.
+
+    The last state word decides: "pour the hot tea from the cold kettle" is about a cold kettle.
+    """
     words = re.findall(r"[a-z]+(?:-[a-z]+)?", text.lower())
-    said = " ".join(words)
-    fits = [(len(phrase), verb) for verb, phrases in VERBS.items() for phrase in phrases if f"{said} ".startswith(f"{phrase} ")]
+    line = " ".join(words)
+    fits = [(len(phrase), verb) for verb, phrases in VERBS.items() for phrase in phrases if f"{line} ".startswith(f"{phrase} ")]
     states = [STATES[word] for word in words if word in STATES]
     return ParsedTask(max(fits)[1] if fits else "", states[-1] if states else "")
 
 
 @dataclass(frozen=True)
 class Rule:
-    """One line of the table."""
+    """One row of the lexicon."""
 
     verb: str
     state: str
@@ -300,37 +307,37 @@ TASKS: dict[str, tuple[str, ...]] = {
     "flashlight": ("shine into a corner", "put away the flashlight", "hand over the flashlight"),
     "candle": ("light the candle", "put away the cold candle", "hand over the burning candle"),
 }
-"""The tasks that are evaluated, by category."""
+"""tasks of the evaluation, by category"""
 
 
 def rule(category: str, task: str) -> Rule:
-    """The row for a task in words; KeyError for a category that the table does not have."""
-    said, rows = parse_task(task), {(row.verb, row.state): row for row in LEXICON[category]}
-    wanted = ((said.verb, said.state), (said.verb, ""), ("", said.state), ("", ""))
+    """Return the row for a task in words; KeyError for a category outside the lexicon."""
+    parsed, rows = parse_task(task), {(row.verb, row.state): row for row in LEXICON[category]}
+    wanted = ((parsed.verb, parsed.state), (parsed.verb, ""), ("", parsed.state), ("", ""))
     return next(rows[key] for key in wanted if key in rows)
 
 
 def role_changes(category: str, part: str, negative: bool) -> bool:
-    """Whether another row of the table judges this part the other way."""
+    """Return True if another row of the category gives this part the opposite role."""
     return any((part in row.negative) != negative for row in LEXICON[category])
 
 
 def negative_parts(category: str, task: str) -> frozenset[str]:
-    """The negative parts, for evaluation; KeyError for a category that the table does not have."""
+    """Return the negative parts of a task, for evaluation; KeyError for a category outside the lexicon."""
     return frozenset(rule(category, task).negative)
 
 
 SURE, GENERAL = 0.95, 0.7
-"""Confidence where the table has the task, and where it only has what holds for any use."""
+"""confidence of a row for the task itself, and of a row for any use"""
 
 
 def describe(mesh: ObjectMesh, views: ObjectViews, task: str, params: None) -> PartDescription:
-    """What the table says of an object by its name and category. It looks at no picture."""
+    """Describe an object by its name and category (`Describer`); the views are not used."""
     return look_up(mesh.name, mesh.category, task)
 
 
 def look_up(name: str, category: str, task: str) -> PartDescription:
-    """What the table says of a thing and a task; category 'unknown' and no notes for what is not in it."""
+    """Describe an object for a task; category 'unknown' and no notes for a category outside the lexicon."""
     kind = known_category(category)
     if not kind:
         return PartDescription(name, "unknown", task, (), "rules")
@@ -342,7 +349,7 @@ def look_up(name: str, category: str, task: str) -> PartDescription:
 
 
 def known_category(category: str) -> str:
-    """The category as the table writes it ("Soldering iron" is soldering_iron), '' where it is not in it."""
+    """Return the category in the spelling of the lexicon ("Soldering iron" is soldering_iron), '' for an unknown one."""
     word = re.sub(r"[^a-z]+", "_", category.lower()).strip("_")
     return word if word in LEXICON else ""
 

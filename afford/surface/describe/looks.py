@@ -1,4 +1,7 @@
-"""What parts look like, in few words that mean the same of every thing: who never saw a nozzle knows a short tube at the end."""
+"""Short descriptions of the shape of parts, in words that mean the same for every object.
+
+A scorer that has never seen a nozzle can still find a short tube at the end.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +20,7 @@ LOOKS = {
     "roller": "a thick cylinder across the end", "foot": "a flat round disc at the bottom", "stem": "a thin rod in the middle",
     "holder": "a round dish at the bottom", "wick": "a small thin rod at the top", "lens": "a flat round disc at the very end",
 }  # fmt: skip
-"""Parts, as most things have them."""
+"""shape of a part on most objects"""
 LOOKS_OF = {
     ("mug", "handle"): "a small loop on the side", ("kettle", "handle"): "a loop on top", ("iron", "handle"): "a thick loop on top",
     ("pot", "handle"): "small loops on both sides", ("drill", "handle"): "a thick bar below",
@@ -44,7 +47,7 @@ LOOKS_OF = {
     ("paint_roller", "shaft"): "a thin bent wire in the middle", ("rolling_pin", "handle"): "short thick bars at both ends",
     ("rolling_pin", "roller"): "a long thick cylinder in the middle",
 }  # fmt: skip
-"""Parts that look otherwise on one thing."""
+"""(object, part) -> shape, where it differs from `LOOKS`"""
 PARTS = {
     "axe": "handle head blade", "brush": "handle head bristles", "candle": "holder handle body wick",
     "chisel": "handle ferrule blade", "cleaver": "handle blade", "drill": "battery handle body trigger chuck bit",
@@ -59,17 +62,17 @@ PARTS = {
     "toothbrush": "handle neck head bristles", "trowel": "handle neck blade", "wine_glass": "foot stem bowl rim",
     "wrench": "handle jaw",
 }  # fmt: skip
-"""What things are made of."""
+"""parts of each object category"""
 WHOLE = {"pliers": "a pair of pliers", "scissors": "a pair of scissors"}
 
 
 def part_phrase(kind: str, part: str) -> str:
-    """A part in words, e.g. 'the blade of a saw, a long flat thin plate at the end'; KeyError for one that is not in the table."""
+    """Describe a part, e.g. 'the blade of a saw, a long flat thin plate at the end'; KeyError for an unknown one."""
     return word_phrase(kind, part, LOOKS_OF.get((kind, part)) or LOOKS[part])
 
 
 def word_phrase(kind: str, part: str, looks: str) -> str:
-    """The same for any thing and part and how it looks: what is before the first comma names it, what is after tells its shape."""
+    """Describe any part of any object: its name before the first comma, its shape after it."""
     whole = kind.replace("_", " ")
     article = "an" if whole[0] in "aeiou" else "a"
     return f"the {part.replace('_', ' ')} of {WHOLE.get(kind, f'{article} {whole}')}, {looks}"

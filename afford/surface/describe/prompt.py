@@ -1,6 +1,7 @@
-"""What a model is asked about an object and a task: words of our own, an answer in JSON that answer.py reads.
+"""Prompt for a vision-language model about the parts of an object and a task, and the parser of its JSON answer.
 
-AffordDex asks for one part that should not be touched, whatever the task; here all parts are asked for, and the task is told.
+AffordDex asks for one part that must not be touched, independent of the task. This prompt contains the task and asks for all parts.
+The parser reports every deviation from the form in one sentence and fills in nothing.
 """
 
 from __future__ import annotations
@@ -39,12 +40,13 @@ LOOK_WORDS = """\
 long, short, tall, thin, thick, large, small, wide, flat, round, curved, bent, pointed, shallow, hollow, bar, block, plate, disc,
 dish, ring, loop, hook, rod, wire, tube, cylinder, cone, ball, box, bowl, dome, vessel, wedge; at the end, at the very end, across
 the end, in the middle, on top, around the top, on the side, on both sides, below, at the bottom"""
-"""those of looks.py, which the embedded scorer has learned"""
+"""words of looks.py, on which the embedded scorer is trained"""
 
 
 def part_prompt(category: str, task: str, sides: Sequence[str]) -> str:
-    """The question about an object that is said to be a `category` ('' when nobody said), for a task in words ('' for any use),
-    with a picture that shows `sides`.
+    """Write the prompt about an object of a `category` ('' for an unknown one) and a task ('' for any use).
+
+    `sides` are the names of the views in the image, row by row.
     """
     said = f" Somebody says that it is this: {_quote(category.replace('_', ' '))}." if category else ""
     doing = f"The task: {_quote(task)}." if task else "No task is given: think of its usual use."
@@ -52,20 +54,22 @@ def part_prompt(category: str, task: str, sides: Sequence[str]) -> str:
 
 
 def _quote(text: str) -> str:
-    """On one line, whatever it holds."""
+    """Quote text on one line."""
     return json.dumps(text, ensure_ascii=False)
 
 
 ROLES = ("negative", "positive", "neutral")
 UNKNOWN = "unknown"
 QUOTED = 200
-"""characters of an answer that an error shows"""
+"""characters of an answer in an error message"""
 ADVICE = "ask a model that follows instructions; raise new_tokens if the answer was cut off"
 
 
 def parse_answer(text: str, name: str, task: str, backend: str) -> PartDescription:
-    """The description in an answer, which may have words or a fence around its JSON; ValueError when there is none, or more than
-    one, or a field is not what was asked for. Who does not know the object says nothing of its parts.
+    """Parse the description in an answer; words or a code fence around the JSON are ignored.
+
+    Raises ValueError for an answer without a JSON object or with several, and for a field that violates the form. For the category
+    'unknown' the description has no parts.
     """
     where = f"{name}, {task or 'any use'}: answer of backend {backend!r}"
     found = [value for value in json_objects(text) if "category" in value]
@@ -86,7 +90,7 @@ def parse_answer(text: str, name: str, task: str, backend: str) -> PartDescripti
 
 
 def json_objects(text: str) -> Iterator[dict[str, Any]]:
-    """The outermost JSON objects in a text, in order."""
+    """Yield the outermost JSON objects in a text, in order."""
     decoder, at = json.JSONDecoder(parse_constant=_no_number), text.find("{")
     while at >= 0:
         try:
@@ -99,7 +103,7 @@ def json_objects(text: str) -> Iterator[dict[str, Any]]:
 
 
 def normalise_name(name: str) -> str:
-    """'Cutting edge' is cutting_edge: small letters, one _ for all that is neither letter nor digit."""
+    """Convert 'Cutting edge' to cutting_edge: lower case, one _ for each run of other characters."""
     return re.sub(r"[\W_]+", "_", name.lower()).strip("_")
 
 
@@ -130,7 +134,7 @@ def _name(holder: dict[str, Any], key: str, where: str) -> str:
 
 
 def _text(holder: dict[str, Any], key: str, where: str) -> str:
-    """One line of text that can be printed: no control characters, no halves of characters."""
+    """Return a field as one line of printable text."""
     value = holder.get(key)
     line = " ".join(value.split()) if isinstance(value, str) else ""
     return line if line and line.isprintable() else _refuse(f"{where}, field {key!r}", "some words", value)

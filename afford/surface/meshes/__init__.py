@@ -1,1 +1,1 @@
-"""Read, repair, texture and label meshes."""
+"""Mesh files: discover, read, repair, unwrap, texture, label."""

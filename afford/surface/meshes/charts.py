@@ -1,8 +1,8 @@
-"""Coordinates of its own for every face: the surface cut into charts that each look one of six ways, laid out side by side.
+"""UV unwrapping: axis-aligned charts, packed into one texture.
 
-A chart is a connected patch seen straight along an axis of the object, so that no face shrinks to less than half its area or
-so. What lies hidden behind something else of its chart is cut out and becomes a chart itself. Fast (a fraction of a second for
-20,000 faces) and the same everywhere; xatlas wastes less of the texture, but takes several seconds.
+A chart is a connected patch projected along an axis of the object, so that a face keeps at least about half its area. Faces hidden
+behind other faces of their chart become a chart of their own. 20,000 faces take a fraction of a second, and the result is the same
+on every machine; xatlas wastes less of the texture but takes several seconds.
 """
 
 from __future__ import annotations
@@ -16,15 +16,16 @@ GAP_PX = 4
 """texels between charts"""
 SMOOTHING = 6
 STEEPEST = 0.25
-"""cosine between a face and the way its chart is seen, at least"""
+"""smallest cosine between a face normal and the projection axis of its chart"""
 LAYERS = 8
 LONGEST = 0.6
-"""length of a chart along the object, in square roots of its area"""
+"""largest length of a chart along the object, in square roots of the object's area"""
 
 
 def unwrap(vertices: np.ndarray, faces: np.ndarray, side: int) -> np.ndarray:
-    """(f, 3, 2) float32 coordinates 0..1 in a texture of `side` texels, for (v, 3) vertices and (f, 3) faces. MeshError when there
-    are more pieces than texels for them.
+    """Compute texture coordinates (f, 3, 2) float32 0..1 for a texture of `side` texels.
+
+    Vertices (v, 3), faces (f, 3). Raises MeshError when the charts do not fit.
     """
     local, normals = _local(np.asarray(vertices, np.float64), faces)
     pairs = shared_edges(faces)[0] // 3
@@ -44,7 +45,7 @@ def unwrap(vertices: np.ndarray, faces: np.ndarray, side: int) -> np.ndarray:
 
 
 def _local(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Corners (f, 3, 3) and unit normals (f, 3) in the axes of the object."""
+    """Transform corners (f, 3, 3) and unit normals (f, 3) to the principal axes of the object."""
     weight = np.linalg.norm(area_normals(vertices, faces), axis=1)
     spread = np.cov(vertices[faces].mean(axis=1).T, aweights=weight)
     axes = np.linalg.eigh(spread)[1]
@@ -54,7 +55,7 @@ def _local(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 
 def _ways(normals: np.ndarray, pairs: np.ndarray) -> np.ndarray:
-    """(f,) one of six directions for each face, agreed upon with its neighbours."""
+    """Choose one of six projection axes for each face (f,), smoothed over neighbours."""
     six = np.concatenate([np.eye(3), -np.eye(3)])
     both = np.concatenate([pairs, pairs[:, ::-1]])
     smooth = normals.copy()
@@ -68,14 +69,14 @@ def _ways(normals: np.ndarray, pairs: np.ndarray) -> np.ndarray:
 
 
 def _slices(local: np.ndarray) -> np.ndarray:
-    """(f,) number of the slice across the long axis in which a face lies, so that no chart is much longer than the texture."""
+    """Return the slice (f,) of each face across the long axis, which limits the length of charts."""
     area = np.linalg.norm(np.cross(local[:, 1] - local[:, 0], local[:, 2] - local[:, 0]), axis=1).sum() / 2
     along = local[:, :, 2].mean(axis=1)
     return ((along - along.min()) / max(LONGEST * np.sqrt(area), 1e-30)).astype(np.int64)
 
 
 def _seen(local: np.ndarray, way: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Corners as they are seen (f, 3, 2), and how near they are to whoever sees them (f, 3)."""
+    """Project corners (f, 3, 2), and return their depth towards the viewer (f, 3)."""
     right, up = np.array([(1, 2), (2, 0), (0, 1), (2, 1), (0, 2), (1, 0)])[way].T
     row, corner = np.arange(len(way))[:, None], np.arange(3)[None]
     flat = np.stack([local[row, corner, right[:, None]], local[row, corner, up[:, None]]], axis=-1)
@@ -83,7 +84,7 @@ def _seen(local: np.ndarray, way: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _layout(flat: np.ndarray, chart: np.ndarray, side: int) -> tuple[np.ndarray, float]:
-    """Corners in texels (f, 3, 2) and texels a metre: the largest scale at which all charts fit on shelves."""
+    """Pack charts on shelves at the largest scale that fits: corners in texels (f, 3, 2), texels per metre."""
     count = int(chart.max()) + 1
     low, high = np.full((count, 2), np.inf), np.full((count, 2), -np.inf)
     np.minimum.at(low, chart, flat.min(axis=1))
@@ -111,7 +112,7 @@ def _layout(flat: np.ndarray, chart: np.ndarray, side: int) -> tuple[np.ndarray,
 
 @numba.njit(cache=True)
 def _shelves(size, side):  # type: ignore[no-untyped-def]  # numba infers
-    """(n, 2) corners of boxes (n, 2), tallest first, laid row after row; None when they do not fit into `side`."""
+    """Pack boxes (n, 2), sorted by height, row by row: corners (n, 2), or None if they do not fit into `side`."""
     out = np.zeros(size.shape)
     x, y, shelf = 0.0, 0.0, 0.0
     for k in range(len(size)):
@@ -127,7 +128,7 @@ def _shelves(size, side):  # type: ignore[no-untyped-def]  # numba infers
 
 @numba.njit(cache=True)
 def _hidden(place, depth, side):  # type: ignore[no-untyped-def]  # numba infers
-    """(f,) bool: faces whose middle lies two texels or more behind another face of the texture."""
+    """Find faces (f,) bool whose centre is two texels or more behind another face of the texture."""
     near = np.full((side, side), -1e30)
     for f in range(len(place)):
         x, y, z = place[f, :, 0], place[f, :, 1], depth[f]

@@ -1,7 +1,7 @@
-"""A folder of meshes -> one file tree per object, with exactly the files it needs. Runs before anything is computed.
+"""Discover the objects in a folder of meshes: one file tree for each, with exactly the files it needs.
 
-An object is a URDF (named by its stem), a mesh file at the top (by its stem), or a folder with one mesh in it (by the name of
-the folder). Meshes that a URDF names, as what is seen or as what collides, are no objects of their own.
+Discovery runs before any computation. An object is a URDF (named by its stem), a mesh file in the folder itself (by its stem), or a
+subfolder with one mesh (by the name of the folder). Meshes that a URDF refers to are not objects of their own.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ Digest = Callable[[Path], str]
 
 @dataclass(frozen=True)
 class RejectedObject:
-    """An object that must not or cannot be read; it fails alone."""
+    """Object that must not or cannot be read; other objects are not affected."""
 
     name: str
     reason: str
-    """one sentence: file, what was expected, what was found, what to do"""
+    """one sentence: file, expected, found, fix"""
 
 
 @dataclass(frozen=True)
 class MeshFolder:
-    """The objects of a folder, by name."""
+    """Objects of a folder, by name."""
 
     name: str
     """name of the folder"""
@@ -39,7 +39,7 @@ class MeshFolder:
 
 
 def discover(root: Path, digest: Digest) -> MeshFolder:
-    """Look at `root`. SourceError when it is no folder or holds no mesh."""
+    """List the objects below `root`. SourceError for a path that is no folder, or a folder without meshes."""
     if not root.is_dir():
         raise SourceError(str(root), "a folder of meshes", "a file" if root.exists() else "nothing", "give the folder")
     found = {entry.name: entry for entry in entries(root)}
@@ -56,7 +56,7 @@ def discover(root: Path, digest: Digest) -> MeshFolder:
 
 
 def _objects(found: dict[str, Entry]) -> dict[str, list[Entry]]:
-    """Object name -> the files that may be it: exactly one, if all is well."""
+    """Group candidate main files by object name; a valid object has exactly one."""
     claimed: set[str] = set()
     out: dict[str, list[Entry]] = {}
     for entry in found.values():
@@ -70,7 +70,7 @@ def _objects(found: dict[str, Entry]) -> dict[str, list[Entry]]:
 
 
 def _claimed(entry: Entry) -> set[str]:
-    """Meshes that a URDF speaks for; none when it cannot be read, which is said when its own turn comes."""
+    """Return the meshes that a URDF refers to; an unreadable URDF is reported later."""
     try:
         return set() if entry.leaves else {*referenced_files(entry.name, entry.path), *collision_meshes(entry.name, entry.path)}
     except SourceError:

@@ -1,7 +1,7 @@
-"""glTF and GLB files, node by node in the order of the file.
+"""glTF and GLB reader, node by node in the order of the file.
 
-Read here and not by trimesh because nodes must keep their names and order (part labels refer to them), and because an image
-or an extension that cannot be read is an error here, not a grey mesh. Sparse accessors, compression and skins are refused.
+trimesh is not used, because nodes must keep names and order (part labels refer to them), and because an unreadable image or
+extension must be an error, not a grey mesh. Sparse accessors, compression and skins are refused.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class _Document:
     file: FileRef
     tree: dict[str, Any]
     body: bytes
-    """the binary chunk of a GLB"""
+    """binary chunk of a GLB"""
     pictures: PictureCache = field(default_factory=PictureCache)
     _blobs: dict[str, bytes] = field(default_factory=dict)
     _images: dict[int, np.ndarray] = field(default_factory=dict)
@@ -51,7 +51,7 @@ class _Document:
         return SourceError(self.file.name, expected, got, "export it as GLB with plain triangles and PNG or JPEG images")
 
     def blob(self, uri: str | None) -> bytes:
-        """Bytes behind a uri, read once; the binary chunk where there is none."""
+        """Return the bytes of a uri, read once, or the binary chunk."""
         if uri is None:
             return self.body
         if uri not in self._blobs:
@@ -60,7 +60,7 @@ class _Document:
         return self._blobs[uri]
 
     def view(self, index: int) -> tuple[memoryview, int]:
-        """Bytes of a buffer view, and its stride (0: packed)."""
+        """Return the bytes of a buffer view, and its stride (0: packed)."""
         view = self.tree["bufferViews"][index]
         data = self.blob(self.tree["buffers"][view["buffer"]].get("uri"))
         start = view.get("byteOffset", 0)
@@ -69,7 +69,7 @@ class _Document:
         return memoryview(data)[start : start + view["byteLength"]], view.get("byteStride", 0)
 
     def array(self, index: int) -> np.ndarray:
-        """(n, width) values of an accessor, normalised integers as 0..1."""
+        """Return the values (n, width) of an accessor; normalised integers as 0..1."""
         accessor = self.tree["accessors"][index]
         if "sparse" in accessor or "bufferView" not in accessor:
             raise self.refuse("plain accessors", f"accessor {index} that is sparse or empty")
@@ -82,7 +82,7 @@ class _Document:
         return out / np.iinfo(kind).max if accessor.get("normalized") else out
 
     def image(self, texture: int) -> np.ndarray:
-        """(h, w, 3) uint8 of a texture, decoded once."""
+        """Return a texture image (h, w, 3) uint8, decoded once."""
         source = self.tree["textures"][texture].get("source")
         if source is None:
             raise self.refuse("PNG or JPEG images", f"texture {texture} in another format")
@@ -94,13 +94,13 @@ class _Document:
         return self._images[source]
 
     def corners(self, primitive: dict[str, Any]) -> int:
-        """Corners or vertices of a primitive, whichever are more, as its accessors state them."""
+        """Return the larger of the stated numbers of corners and vertices of a primitive."""
         places = primitive["attributes"]["POSITION"]
         return max(int(self.tree["accessors"][index]["count"]) for index in (places, primitive.get("indices", places)))
 
 
 def read_gltf(files: FileTree, file: FileRef) -> Surface:
-    """A surface in metres, which the format says. A node's name is the group of its faces."""
+    """Read a surface in metres; the group of a face is the name of its node."""
     data = file.path.read_bytes()
     document = _Document(files, file, *_chunks(data, file.name))
     try:
@@ -115,7 +115,7 @@ def read_gltf(files: FileTree, file: FileRef) -> Surface:
 
 
 def _primitives(document: _Document) -> list[Surface]:
-    """Every primitive of triangles of the scene; how many there are is checked before one is read."""
+    """Read every triangle primitive of the scene, after a check of their total size."""
     unknown = sorted(set(document.tree.get("extensionsRequired", [])) - HANDLED)
     if unknown:
         raise document.refuse(f"no required extensions but {', '.join(sorted(HANDLED))}", ", ".join(unknown))
@@ -128,7 +128,7 @@ def _primitives(document: _Document) -> list[Surface]:
 
 
 def _chunks(data: bytes, name: str) -> tuple[dict[str, Any], bytes]:
-    """JSON tree and binary chunk."""
+    """Split a file into JSON tree and binary chunk."""
     if len(data) < 12 or struct.unpack_from("<I", data)[0] != MAGIC:
         tree, body = parse_json(data, name), b""
     else:
@@ -148,7 +148,7 @@ def _chunks(data: bytes, name: str) -> tuple[dict[str, Any], bytes]:
 
 
 def _nodes(document: _Document) -> Iterator[tuple[str, np.ndarray, int]]:
-    """Name, pose and mesh of every node of the scene that has one, parents first."""
+    """List name, pose and mesh of every mesh node of the scene, parents first."""
     tree = document.tree
     carried = {child for node in tree.get("nodes", []) for child in node.get("children", [])}
     free = [index for index in range(len(tree.get("nodes", []))) if index not in carried]
@@ -179,7 +179,7 @@ def _local(node: dict[str, Any]) -> np.ndarray:
 
 
 def _materials(document: _Document) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Image and (3, 3) transform of its coordinates for each material; the base colour is multiplied into the image."""
+    """Return image and (3, 3) uv transform of each material; the image is multiplied by the base colour."""
     out = []
     for material in document.tree.get("materials", []):
         base = material.get("pbrMetallicRoughness", {})
@@ -196,7 +196,7 @@ def _materials(document: _Document) -> list[tuple[np.ndarray, np.ndarray]]:
 
 
 def _tinted(image: np.ndarray, factor: np.ndarray) -> np.ndarray:
-    """(h, w, 3) uint8 sRGB times a linear (3,) factor, by a table of the 256 values."""
+    """Multiply (h, w, 3) uint8 sRGB by a linear (3,) factor, with a table of the 256 values."""
     table = srgb(linear(np.arange(256, dtype=np.uint8))[:, None] * factor)
     return np.stack([table[image[..., channel], channel] for channel in range(3)], axis=-1)
 
@@ -210,7 +210,7 @@ def _shift(texture: dict[str, Any]) -> np.ndarray:
 
 def _primitive(document: _Document, primitive: dict[str, Any], name: str, T: np.ndarray,
                materials: list[tuple[np.ndarray, np.ndarray]]) -> Surface:
-    """One primitive; SourceError for strips, fans and compressed ones."""
+    """Read one primitive; SourceError for strips, fans and compression."""
     if primitive.get("mode", TRIANGLES) != TRIANGLES:
         raise document.refuse("plain triangles", f"a primitive of mode {primitive['mode']}")
     attributes = primitive["attributes"]
@@ -238,12 +238,12 @@ def _primitive(document: _Document, primitive: dict[str, Any], name: str, T: np.
 
 
 def linear(image: np.ndarray) -> np.ndarray:
-    """Linear 0..1 of uint8 sRGB."""
+    """Convert uint8 sRGB to linear 0..1."""
     value = np.asarray(image, np.float64) / 255
     return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
 
 
 def srgb(value: np.ndarray) -> np.ndarray:
-    """uint8 sRGB of linear 0..1."""
+    """Convert linear 0..1 to uint8 sRGB."""
     value = np.clip(value, 0, 1)
     return np.round(np.where(value <= 0.0031308, value * 12.92, 1.055 * value ** (1 / 2.4) - 0.055) * 255).astype(np.uint8)

@@ -1,4 +1,8 @@
-"""The files of an object -> its mesh, parts and report: reading, scaling, repairing, simplifying and painting in a row."""
+"""Read an object completely: read, infer the unit, repair, simplify, texture, label.
+
+Faces are reduced by quadric edge collapse (Garland and Heckbert 1997). The category comes from the words of the object's name. The
+unit is the stated one, or the only unit in which the object has the size of a hand-held thing.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +28,7 @@ from schemas.mesh import MeshParts, MeshReport, ObjectMesh, ReadMesh, Repair
 
 @dataclass(frozen=True)
 class MeshSettings:
-    """What the user wants of a mesh."""
+    """Settings of mesh_read."""
 
     unit: str
     categories: tuple[str, ...]
@@ -35,7 +39,7 @@ class MeshSettings:
 
 @dataclass(frozen=True, eq=False)
 class FinishedMesh:
-    """A mesh with its look and the part of each face."""
+    """Textured mesh with the part of each face."""
 
     vertices: np.ndarray
     faces: np.ndarray
@@ -45,39 +49,39 @@ class FinishedMesh:
     deviation_m: float = 0.0
 
 
-def read_repaired(files: FileTree, wishes: MeshSettings) -> ReadMesh:
-    """Everything about one object; SourceError names its file."""
+def read_repaired(files: FileTree, settings: MeshSettings) -> ReadMesh:
+    """Read one object with parts and report; SourceError gives the file."""
     source = main_file(files).name
     surface = read_surface(files)
     labels = read_labels(files, source, surface)
     used = surface.vertices[np.unique(surface.faces)]
-    unit = infer_unit(float(np.linalg.norm(np.ptp(used, axis=0))), wishes.unit, surface.unit, source)
+    unit = infer_unit(float(np.linalg.norm(np.ptp(used, axis=0))), settings.unit, surface.unit, source)
     try:
-        net, counts = repair(surface.vertices * METRES[unit], surface.faces, wishes.limits)
-        seen, halved = face_colours(surface, net.corner, wishes.texture_px)
+        net, counts = repair(surface.vertices * METRES[unit], surface.faces, settings.limits)
+        seen, halved = face_colours(surface, net.corner, settings.texture_px)
         done = (*surface.notes, *counts, *((("images halved", halved),) if halved else ()))
-        piece, simplified = _simplify_painted(net, seen, labels.part[net.corner[:, 0] // 3], wishes)
+        piece, simplified = _simplify_painted(net, seen, labels.part[net.corner[:, 0] // 3], settings)
     except MeshError as error:
         raise SourceError(source, error.expected, error.got, error.fix) from error
-    category = labels.category or category_of(files.name, wishes.categories)
-    decided = "the user" if wishes.unit != "auto" else "the format" if surface.unit else "its size"
+    category = labels.category or category_of(files.name, settings.categories)
+    decided = "the user" if settings.unit != "auto" else "the format" if surface.unit else "its size"
     report = _report(files.name, source, (unit, decided), (*done, *simplified), piece)
     mesh = ObjectMesh(files.name, category, piece.vertices.astype(np.float32), piece.faces.astype(np.int32),
                       np.ascontiguousarray(piece.uv, np.float32), np.ascontiguousarray(piece.texture))
     return ReadMesh(mesh, MeshParts(files.name, labels.names, piece.part.astype(np.int16)), report)
 
 
-def _simplify_painted(net: EditMesh, seen: FaceColours, part: np.ndarray, wishes: MeshSettings) -> tuple[FinishedMesh, Counts]:
-    """The painted mesh, simplified when it has too many faces."""
-    if len(net.faces) <= wishes.faces:
-        uv, texture = bake_colours(net.vertices, net.faces, seen, wishes.texture_px)
+def _simplify_painted(net: EditMesh, seen: FaceColours, part: np.ndarray, settings: MeshSettings) -> tuple[FinishedMesh, Counts]:
+    """Texture the mesh, simplified if it has too many faces."""
+    if len(net.faces) <= settings.faces:
+        uv, texture = bake_colours(net.vertices, net.faces, seen, settings.texture_px)
         return FinishedMesh(net.vertices, net.faces, uv, texture, part), ()
-    vertices, faces = simplify(net.vertices, net.faces, wishes.faces)
+    vertices, faces = simplify(net.vertices, net.faces, settings.faces)
     nearest = NearestSurface(net.vertices, net.faces)
     face, _, away = nearest(np.concatenate([vertices[faces].mean(axis=1), vertices]))
     middle = face[: len(faces)]
     plain = seen.texture.shape[:2] == (1, 1) and not seen.cornered.any()
-    side = min(wishes.texture_px, BAKED_PX)
+    side = min(settings.texture_px, BAKED_PX)
     uv = np.full((len(faces), 3, 2), 0.5, np.float32) if plain else unwrap(vertices, faces, side)
     texture = seen.texture if plain else bake_texture(uv, side, _painter(vertices[faces], nearest, seen))
     piece = FinishedMesh(vertices, faces, uv, texture, part[middle], float(away.max()))
@@ -85,7 +89,7 @@ def _simplify_painted(net: EditMesh, seen: FaceColours, part: np.ndarray, wishes
 
 
 def _painter(tri: np.ndarray, nearest: NearestSurface, seen: FaceColours):  # type: ignore[no-untyped-def]  # a ColourAt
-    """Colours of places on new triangles (f, 3, 3): those of the nearest places of the old surface."""
+    """Return the colours on new triangles (f, 3, 3): those of the nearest points of the original surface."""
     def colour_at(face: np.ndarray, bary: np.ndarray) -> np.ndarray:
         old, there, _ = nearest(np.einsum("nk,nkc->nc", bary, tri[face]))
         return seen.at(old, there)
@@ -101,7 +105,7 @@ def _report(name: str, source: str, unit: tuple[str, str], done: Counts, piece: 
 
 
 def simplify(vertices: np.ndarray, faces: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """(v, 3) float64 and (f, 3) int64 of about `count` faces. MeshError when the surface cannot be made that simple."""
+    """Reduce to about `count` faces: (v, 3) float64, (f, 3) int64. MeshError for a surface that cannot be reduced."""
     size = np.linalg.norm(np.ptp(vertices, axis=0))
     points, triangles = fast_simplification.simplify(np.ascontiguousarray(vertices / size), np.ascontiguousarray(faces, np.int32),
                                                      target_count=count)
@@ -115,35 +119,36 @@ def simplify(vertices: np.ndarray, faces: np.ndarray, count: int) -> tuple[np.nd
 
 
 def name_words(name: str) -> list[str]:
-    """Words of a file name in small letters: '025_phillipsScrewdriver' -> phillips, screwdriver."""
+    """Split a file name into lower-case words: '025_phillipsScrewdriver' -> phillips, screwdriver."""
     spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)
     return [word.lower() for word in re.findall(r"[A-Za-z]+", spaced)]
 
 
 def category_of(name: str, categories: Iterable[str]) -> str:
-    """The category whose words stand in the name, '' for none. The last one counts ('kettle_brush' is a brush), the longest of
-    those that end there.
+    """Find the category in the words of a name, '' without a match.
+
+    The last match counts ('kettle_brush' is a brush), and the longest of those that end there.
     """
-    said = name_words(name)
+    given = name_words(name)
     best = (0, 0, "")
     for category in categories:
         wanted = name_words(category)
-        for k in range(len(said) - len(wanted) + 1):
-            if wanted and said[k : k + len(wanted)] == wanted:
+        for k in range(len(given) - len(wanted) + 1):
+            if wanted and given[k : k + len(wanted)] == wanted:
                 best = max(best, (k + len(wanted), len(wanted), category))
     return best[2]
 
 
 METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001, "inch": 0.0254}
 SMALLEST_M, LARGEST_M = 0.02, 2.0
-"""diagonals between which a thing is handled"""
+"""range of the diagonal of hand-held objects"""
 
 
 def infer_unit(diagonal: float, unit: str, stated: str, name: str) -> str:
-    """Unit of a mesh whose bounding box has this diagonal.
+    """Return the unit of a mesh whose bounding box has this diagonal.
 
-    `unit` is what the user says ('auto': nothing), `stated` what the format says. Without either it is metres when that gives
-    a handled thing, else the only unit that does. SourceError where nothing fits, or several do.
+    `unit` is the user's choice ('auto' for none), `stated` the unit of the format ('' for none). Without either, the unit is metres
+    if that gives a hand-held size, otherwise the only unit that does. Raises SourceError when no unit fits, or several do.
     """
     if unit != "auto":
         if unit not in METRES:

@@ -1,7 +1,7 @@
-"""The nearest place of a surface for many points.
+"""Nearest points on a surface.
 
-The surface is covered with samples closer together than its triangles need; the triangles of the nearest few samples are then
-measured exactly. Inside, a unit is a typical edge: trimesh takes whatever is below 1e-12, squared lengths too, for nothing.
+The surface is covered with dense samples, and the triangles of the nearest few samples are measured exactly. Coordinates are scaled
+to a typical edge length, because trimesh treats values below 1e-12, and squared lengths too, as zero.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ CHUNK = 100_000
 
 
 class NearestSurface:
-    """Asks a surface of (v, 3) vertices and (f, 3) faces."""
+    """Nearest point queries for (v, 3) vertices and (f, 3) faces."""
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray) -> None:
         tri = vertices[faces].astype(np.float64)
@@ -26,7 +26,7 @@ class NearestSurface:
         self.tree = cKDTree(points)
 
     def __call__(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Face (n,), barycentric coordinates (n, 3) and distance (n,) of the nearest place to each of (n, 3) points."""
+        """Find face (n,), barycentric coordinates (n, 3) and distance (n,) of the nearest points to (n, 3) points."""
         parts = [self._ask(points[k : k + CHUNK] / self.unit) for k in range(0, len(points), CHUNK)]
         face, bary, distance = (np.concatenate(column) for column in zip(*parts, strict=True))
         return face, bary, distance * self.unit
@@ -43,7 +43,7 @@ class NearestSurface:
 
 
 def _cover(tri: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Samples of all triangles: the face of each and its place. A face has k^2 of them, so that none is far from its edges."""
+    """Sample all triangles: face and position of each sample. A face has k^2 samples, dense along its longest edge."""
     area = np.linalg.norm(np.cross(tri[:, 1] - tri[:, 0], tri[:, 2] - tri[:, 0]), axis=1) / 2
     longest = np.linalg.norm(tri - np.roll(tri, -1, axis=1), axis=2).max(axis=1)
     spacing = np.sqrt(area.sum() / SAMPLES)
@@ -58,7 +58,7 @@ def _cover(tri: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _grid(k: int) -> np.ndarray:
-    """(k^2, 3) barycentric centres of the small triangles of a triangle cut k times along each side."""
+    """Return the (k^2, 3) barycentric centres of the triangles of a triangle cut k times along each side."""
     up = [(i + 1 / 3, j + 1 / 3) for i in range(k) for j in range(k - i)]
     down = [(i + 2 / 3, j + 2 / 3) for i in range(k - 1) for j in range(k - 1 - i)]
     ij = np.array(up + down) / k

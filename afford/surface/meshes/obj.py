@@ -1,8 +1,7 @@
-"""OBJ files, in the order of their face lines.
+"""OBJ and MTL reader that keeps the order of faces and groups.
 
-Read here and not by a library because the order of the faces and the groups they stand in must survive (part labels refer to
-them), and because a line that cannot be read is an error here. Polygons are cut as fans; curves, normals and smoothing groups
-are left out.
+No library is used, because part labels refer to the order of faces and to groups, and because an unreadable line must be an error.
+Polygons are triangulated as fans; curves, normals and smoothing groups are ignored.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ INDEX = re.compile(r"[0-9]{1,18}")
 
 @dataclass
 class _Lines:
-    """The lines of a file, sorted by what they say."""
+    """Statements of a file, by kind."""
 
     v: list[list[str]] = field(default_factory=list)
     vt: list[list[str]] = field(default_factory=list)
@@ -36,7 +35,7 @@ class _Lines:
 
 
 def read_obj(files: FileTree, file: FileRef) -> Surface:
-    """A surface; SourceError with the line for what cannot be read."""
+    """Read a surface; SourceError gives the line of an unreadable statement."""
     lines = _sort(decode_text(file))
     vertices, has_colour = _vertices(lines.v, file.name)
     coords = _numbers(lines.vt, 2, file.name, "vt")
@@ -83,7 +82,7 @@ def _sort(content: str) -> _Lines:
 
 
 def _absolute(word: str, vertices: int, coords: int) -> str:
-    """The corner with indices that count backwards made positive."""
+    """Convert negative (relative) indices of a corner to positive ones."""
     parts = word.split("/")
     for k, count in enumerate((vertices, coords)[: len(parts)]):
         if parts[k].startswith("-"):
@@ -100,7 +99,7 @@ def _numbers(rows: list[list[str]], width: int, name: str, word: str) -> np.ndar
 
 
 def _vertices(rows: list[list[str]], name: str) -> tuple[np.ndarray, bool]:
-    """(v, 3), or (v, 6) with colours 0..1 when every vertex has one."""
+    """Return (v, 3), or (v, 6) with colours 0..1 if every vertex has one."""
     lengths = {len(row) for row in rows}
     if lengths == {6}:
         out = _numbers(rows, 6, name, "v")
@@ -112,7 +111,7 @@ def _vertices(rows: list[list[str]], name: str) -> tuple[np.ndarray, bool]:
 
 
 def _obj_triangles(lines: _Lines, name: str, vertices: int, coords: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(f, 3) vertex and texture indices from 0 (-1 none), and the polygon that each triangle was cut from."""
+    """Return (f, 3) vertex and texture indices from 0 (-1 none), and the polygon of each triangle."""
     sizes = np.array([len(polygon) for polygon in lines.polygons], np.int64)
     if len(sizes) and sizes.min() < 3:
         raise SourceError(f"{name}, line {lines.at[int(sizes.argmin())]}", "a face with 3 corners or more", f"{sizes.min()}",
@@ -136,7 +135,7 @@ def _obj_triangles(lines: _Lines, name: str, vertices: int, coords: int) -> tupl
 
 
 def _images(files: FileTree, file: FileRef, lines: _Lines) -> tuple[tuple[np.ndarray, ...], str]:
-    """The image of each material that faces use (grey where no library is named), and a name that no library has."""
+    """Return the image of each material (grey without a library), and the name of a missing material."""
     known: dict[str, np.ndarray] = {"": np.asarray(GREY, np.uint8).reshape(1, 1, 3)}
     pictures = PictureCache()
     for library in reversed(dict.fromkeys(reversed(lines.libraries))):  # each once; of one name the last counts
@@ -148,11 +147,11 @@ def _images(files: FileTree, file: FileRef, lines: _Lines) -> tuple[tuple[np.nda
 
 
 OPTIONS = {"-blendu": 1, "-blendv": 1, "-cc": 1, "-clamp": 1, "-texres": 1, "-imfchan": 1, "-boost": 1, "-bm": 1}
-"""options of `map_Kd` that change no colour -> how many words follow them"""
+"""options of `map_Kd` that change no colour -> number of their arguments"""
 
 
 def image_name(rest: str, where: str) -> str:
-    """File name in the value of `map_Kd`; SourceError for options that move or scale the image."""
+    """Parse the file name in the value of `map_Kd`; SourceError for options that move or scale the image."""
     words = rest.split()
     while words and words[0].startswith("-"):
         if words[0] not in OPTIONS:
@@ -165,14 +164,15 @@ def image_name(rest: str, where: str) -> str:
 
 
 def mtl_statements(content: str) -> list[tuple[int, str, str]]:
-    """Line number, key word and the rest of every line that says something."""
+    """Return line number, keyword and arguments of every statement."""
     split = [(number, *line.strip().partition(" ")[::2]) for number, line in enumerate(content.replace("\t", " ").splitlines(), 1)]
     return [(number, word, rest.strip()) for number, word, rest in split if word and not word.startswith("#")]
 
 
 def read_mtl(files: FileTree, mtl: FileRef, pictures: PictureCache) -> dict[str, np.ndarray]:
-    """Material name -> (h, w, 3) uint8 sRGB image, (1, 1, 3) where it has a diffuse colour only; images come from
-    `pictures`.
+    """Map material names to (h, w, 3) uint8 sRGB images, (1, 1, 3) for a plain diffuse colour.
+
+    Images are read through `pictures`.
     """
     found: dict[str, np.ndarray] = {}
     mapped: set[str] = set()

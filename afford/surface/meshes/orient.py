@@ -1,8 +1,7 @@
-"""Faces turned so that all of a body agree, and so that bodies look outwards.
+"""Consistent, outward orientation of faces.
 
-Agreement is a two-colouring: every face stands twice in a graph, as it is and turned, and neighbours that agree are joined.
-Outwards is the sign of the volume with every hole closed by a fan. A body within another one turns with it, so that a cavity
-stays a cavity.
+Consistency is a two-colouring: every face is a node twice, as it is and flipped, and consistent neighbours are connected. Outward
+is the sign of the volume with holes closed by fans. A body inside another one is flipped with it, so that a cavity stays a cavity.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ FLAT = 1e-6
 
 
 def faces_to_flip(net: EditMesh) -> np.ndarray:
-    """(f,) bool: faces to turn."""
+    """Find the faces (f,) bool to flip."""
     count = len(net.faces)
     pairs, rim = shared_edges(net.faces)
     edges, faces = directed_edges(net.faces), pairs // 3
@@ -33,14 +32,14 @@ def faces_to_flip(net: EditMesh) -> np.ndarray:
 
 
 def count_twisted(faces: np.ndarray) -> int:
-    """Pairs of neighbours that run along their edge in the same direction: what no turning can mend, as in a Moebius band."""
+    """Count neighbours that run along their edge in the same direction, as in a Moebius band; flipping cannot fix them."""
     pairs, _ = shared_edges(faces)
     edges = directed_edges(faces)
     return int((edges[pairs[:, 0], 0] == edges[pairs[:, 1], 0]).sum())
 
 
 def _inverted(net: EditMesh, body: np.ndarray, rim: np.ndarray) -> np.ndarray:
-    """(bodies,) bool: bodies that look inwards, or lie in one that does."""
+    """Find bodies (bodies,) bool that face inwards, or are inside one that does."""
     volume = _volumes(net, body, rim)
     size = np.sqrt(np.bincount(body, net.areas))
     inverted = volume < -FLAT * size**3
@@ -49,7 +48,7 @@ def _inverted(net: EditMesh, body: np.ndarray, rim: np.ndarray) -> np.ndarray:
 
 
 def _volumes(net: EditMesh, body: np.ndarray, rim: np.ndarray) -> np.ndarray:
-    """(n,) signed volume of each body, m^3, holes closed by fans."""
+    """Compute the signed volume (n,) of each body in m^3, holes closed by fans."""
     number = int(body.max()) + 1
     tri = net.vertices[net.faces]
     centres: np.ndarray = np.stack([np.bincount(body, tri[..., k].mean(axis=1), number) for k in range(3)], axis=1)
@@ -59,7 +58,7 @@ def _volumes(net: EditMesh, body: np.ndarray, rim: np.ndarray) -> np.ndarray:
 
 
 def _fans(net: EditMesh, body: np.ndarray, rim: np.ndarray, centres: np.ndarray, number: int) -> np.ndarray:
-    """(n,) volume that closing the holes adds; `rim` (m,) are directed edges of one face."""
+    """Compute the volume (n,) that closes the holes; `rim` (m,) are directed edges of one face."""
     edges = np.stack([net.faces.reshape(-1)[rim], np.roll(net.faces, -1, axis=1).reshape(-1)[rim]], axis=1)
     owner = body[rim // 3]
     names, index = np.unique(edges, return_inverse=True)
@@ -75,7 +74,7 @@ def _determinants(tri: np.ndarray, body: np.ndarray, number: int) -> np.ndarray:
 
 
 def _containers(net: EditMesh, body: np.ndarray) -> np.ndarray:
-    """(n,) the outermost body around each body, -1 where there is none."""
+    """Find the outermost body (n,) around each body, -1 without one."""
     number = int(body.max()) + 1
     tri = net.vertices[net.faces]
     order = np.argsort(body, kind="stable")
@@ -97,7 +96,7 @@ def _containers(net: EditMesh, body: np.ndarray) -> np.ndarray:
 
 
 def winding_number(point: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> float:
-    """How often a surface winds around a point: 1 inside a closed one, 0 outside (generalised winding number)."""
+    """Compute the generalised winding number at a point: 1 inside a closed surface, 0 outside."""
     a, b, c = (vertices[faces[:, k]] - point for k in range(3))
     la, lb, lc = (np.linalg.norm(x, axis=1) for x in (a, b, c))
     below = la * lb * lc + (a * b).sum(1) * lc + (b * c).sum(1) * la + (c * a).sum(1) * lb

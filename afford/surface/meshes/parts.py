@@ -1,4 +1,4 @@
-"""Part labels beside a mesh: `<mesh file name>.parts.json`, as docs/surface/mesh-format.md tells."""
+"""Part label files: `<mesh file name>.parts.json` (docs/surface/mesh-format.md)."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from schemas.files import FileTree
 
 FIX = "see docs/surface/mesh-format.md"
 MAX_PARTS = 1000
-"""names of one object: each is looked for on every face"""
+"""largest number of parts of one object"""
 KEYS = {"version", "category", "parts", "groups"}
 
 
 @dataclass(frozen=True, eq=False)
 class PartLabels:
-    """What a label file says of the faces of its surface."""
+    """Part labels of the faces of a surface."""
 
     category: str
-    """'' when it says none"""
+    """'' if the file names none"""
     names: tuple[str, ...]
     part: np.ndarray
-    """(f,) int16 index into `names`, -1 where nobody said"""
+    """(f,) int16 index into `names`, -1 for a face without a label"""
 
 
 def read_labels(files: FileTree, mesh_name: str, surface: Surface) -> PartLabels:
-    """Labels of the triangles of a surface; nothing where there is no file. SourceError for anything but the format."""
+    """Read the labels of a surface; empty without a label file. SourceError for violations of the format."""
     file = files.find(mesh_name + LABELS)
     if file is None:
         return PartLabels("", (), np.full(len(surface.faces), -1, np.int16))
@@ -71,7 +71,7 @@ def _check(tree: Any, name: str) -> None:
 
 
 def _by_range(ranges: list[Any], surface: Surface, where: str) -> np.ndarray:
-    """(f,) bool: triangles of the faces in half-open ranges."""
+    """Find triangles (f,) bool of the faces in half-open ranges."""
     if (surface.line < 0).any():
         raise SourceError(where, "a file of triangles, whose order is kept", "one with other polygons", "triangulate it first")
     count = int(surface.line.max()) + 1
@@ -87,7 +87,7 @@ def _by_range(ranges: list[Any], surface: Surface, where: str) -> np.ndarray:
 
 
 def _by_group(names: list[Any], surface: Surface, where: str) -> np.ndarray:
-    """(f,) bool: triangles of the groups."""
+    """Find triangles (f,) bool of the groups."""
     there, wanted = set(surface.groups), {name for name in names if isinstance(name, str)}
     unknown = [name for name in names if not isinstance(name, str) or name not in there]
     if unknown:

@@ -1,4 +1,4 @@
-"""PLY and STL files, decoded by trimesh; what it would leave out in silence is refused here."""
+"""PLY and STL reader on trimesh; content that trimesh drops silently is refused."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ COLOURED = re.compile(r"^property\s+\w+\s+red\s*$", re.MULTILINE)
 
 
 def read_ply(files: FileTree, file: FileRef) -> Surface:
-    """A surface with vertex or face colours, or with the image that a `TextureFile` comment names."""
+    """Read a surface with vertex or face colours, or with the image of a `TextureFile` comment."""
     with file.path.open("rb") as stream:
         header = stream.read(HEADER_BYTES).partition(b"end_header")[0].decode("latin-1")
     image = texture_name(header)
@@ -42,7 +42,7 @@ def read_ply(files: FileTree, file: FileRef) -> Surface:
 
 
 def read_stl(files: FileTree, file: FileRef) -> Surface:
-    """A grey surface: STL has no colours that programs agree on."""
+    """Read a grey surface; STL has no standard for colours."""
     found = _load(load_stl, file)
     if "faces" not in found:
         got = f"{len(found['geometry'])} of them" if found.get("geometry") else "none, or another length than the header states"
@@ -51,13 +51,13 @@ def read_stl(files: FileTree, file: FileRef) -> Surface:
 
 
 def texture_name(header: str) -> str:
-    """The image that the header of a PLY names; '' for none."""
+    """Return the image that the header of a PLY names; '' for none."""
     found = re.search(r"^comment\s+TextureFile\s+(.+?)\s*$", header, re.MULTILINE)
     return found.group(1) if found else ""
 
 
 def _triangles(found: dict[str, Any], name: str) -> np.ndarray:
-    """(f, 3) int64 corners of the faces, polygons cut; SourceError without faces, or when they name vertices that are not there."""
+    """Return triangle corners (f, 3) int64; SourceError for a file without faces and for invalid indices."""
     faces = found.get("faces")
     if faces is None or not len(faces):
         raise SourceError(name, "faces", "points only", "export the mesh with its faces")
@@ -85,14 +85,14 @@ def _load(reader, file: FileRef, **options):  # type: ignore[no-untyped-def]  # 
 
 
 def _ordered(surface: Surface, header: str) -> Surface:
-    """The surface without face numbers where polygons were cut, which loses the order of the file."""
+    """Drop the face numbers where polygons were triangulated, which loses the order of the file."""
     stated = re.search(r"^element\s+face\s+(\d+)", header, re.MULTILINE)
     same = stated is not None and int(stated.group(1)) == len(surface.faces)
     return surface if same else replace(surface, line=np.full(len(surface.faces), -1))
 
 
 def _bytes(colours: np.ndarray, count: int, name: str) -> np.ndarray:
-    """(n, 3) uint8 of `count` colours 0..255, or 0..1 when they are floats; SourceError when they are something else."""
+    """Convert `count` colours 0..255 (integers) or 0..1 (floats) to (n, 3) uint8; SourceError for other values."""
     values = np.asarray(colours)
     if values.ndim != 2 or len(values) != count or values.shape[1] < 3 or values.dtype.kind not in "uif":
         got = f"{values.dtype} {values.shape}"

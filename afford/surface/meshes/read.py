@@ -1,4 +1,4 @@
-"""A mesh file of any kind -> a surface, checked for what no repair can mend."""
+"""Read a mesh file of any format as a checked surface, and list the files that it refers to."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from afford.surface.meshes.urdf import read_urdf
 from schemas.files import FileRef, FileTree
 
 FARTHEST = 1e9
-"""in any unit: squares and products of what is larger leave the range of numbers"""
+"""largest coordinate in any unit; squares and products of larger ones overflow"""
 
 
 def read_surface(files: FileTree) -> Surface:
-    """The surface of one object in the unit of its file; SourceError names the file and what is wrong with it."""
+    """Read the surface of one object in the unit of its file; SourceError gives the file and the fault."""
     file = main_file(files)
     surface = read_urdf(files, file, read_mesh) if suffix(file.name) == URDF else read_mesh(files, file)
     if not len(surface.faces) or not len(surface.vertices):
@@ -39,7 +39,7 @@ def read_surface(files: FileTree) -> Surface:
 
 
 def read_mesh(files: FileTree, file: FileRef) -> Surface:
-    """One mesh file by its ending."""
+    """Read one mesh file by its suffix."""
     ending = suffix(file.name)
     if ending == ".obj":
         return read_obj(files, file)
@@ -53,11 +53,11 @@ def read_mesh(files: FileTree, file: FileRef) -> Surface:
 
 
 JSON_START = 20
-"""bytes of a GLB before its JSON"""
+"""offset of the JSON chunk in a GLB"""
 
 
 def referenced_files(name: str, path: Path) -> list[str]:
-    """Root-relative names of what the file refers to, whether or not it exists. SourceError for what leaves the source."""
+    """List the root-relative names of referenced files, existing or not. SourceError for a name outside the source."""
     kind = suffix(name)
     if kind == URDF:
         root = urdf.parse(_text(path), name)
@@ -66,7 +66,7 @@ def referenced_files(name: str, path: Path) -> list[str]:
 
 
 def collision_meshes(name: str, path: Path) -> list[str]:
-    """Root-relative names of the collision meshes of a URDF."""
+    """List the root-relative names of the collision meshes of a URDF."""
     root = urdf.parse(_text(path), name)
     return [found for mesh in urdf.mesh_names(root, name, "collision") for found in urdf.candidates(name, mesh)]
 
@@ -104,5 +104,5 @@ def _text(path: Path) -> str:
 
 
 def is_mesh(name: str) -> bool:
-    """Whether a file is a mesh by its ending."""
+    """Return True for the suffix of a mesh file."""
     return suffix(name) in MESH_SUFFIXES

@@ -1,6 +1,6 @@
-"""A mesh in order: places merged, empty and repeated faces and dust dropped, windings turned, small holes closed.
+"""Mesh repair: merge vertices, drop empty and repeated faces and dust, orient faces, fill small holes.
 
-Every step is counted. Texture seams stay, because coordinates hang on corners and not on vertices.
+Every step is counted. Texture seams survive, because texture coordinates belong to corners and not to vertices.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ from afford.surface.meshes.net import EditMesh, MeshError, area_normals, bodies,
 from afford.surface.meshes.orient import count_twisted, faces_to_flip
 
 SAME_PLACE = 1e-7
-"""vertices nearer than this share of the diagonal are one"""
+"""distance, as a share of the diagonal, below which vertices are merged"""
 NO_AREA = 1e-14
-"""faces below this share of diagonal^2 are empty"""
+"""area, as a share of diagonal^2, below which faces are dropped"""
 
 
 @dataclass(frozen=True)
 class RepairLimits:
-    """What repairs may do."""
+    """Limits of the repair."""
 
     hole_edges: int
     """holes with more edges stay open"""
@@ -34,7 +34,7 @@ Counts = tuple[tuple[str, int], ...]
 
 
 def repair(vertices: np.ndarray, faces: np.ndarray, limits: RepairLimits) -> tuple[EditMesh, Counts]:
-    """The repaired net, and what was done how often (what was not needed is left out). MeshError when nothing remains."""
+    """Repair a mesh; also return the count of each step that changed something. MeshError when nothing is left."""
     net, merged = merge_vertices(edit_mesh(vertices, faces))
     net, empty = drop_empty(net)
     net, repeated = drop_repeated(net)
@@ -51,7 +51,7 @@ def repair(vertices: np.ndarray, faces: np.ndarray, limits: RepairLimits) -> tup
 
 
 def merge_vertices(net: EditMesh) -> tuple[EditMesh, int]:
-    """Vertices at the same place made one; the first stays. Counts the vertices in use that went."""
+    """Merge vertices at the same position into the first one, and count the vertices removed."""
     low, size = net.vertices.min(axis=0), np.linalg.norm(np.ptp(net.vertices, axis=0))
     cells = np.round((net.vertices - low) / max(size * SAME_PLACE, 1e-300)).astype(np.int64)
     order = np.lexsort(cells.T[::-1])
@@ -65,7 +65,7 @@ def merge_vertices(net: EditMesh) -> tuple[EditMesh, int]:
 
 
 def drop_empty(net: EditMesh) -> tuple[EditMesh, int]:
-    """Without faces that have no area."""
+    """Drop faces without area."""
     size = np.linalg.norm(np.ptp(net.vertices[np.unique(net.faces)], axis=0))
     a, b, c = net.faces.T
     full = (a != b) & (b != c) & (c != a) & (np.linalg.norm(area_normals(net.vertices, net.faces), axis=1) > NO_AREA * size**2)
@@ -73,7 +73,7 @@ def drop_empty(net: EditMesh) -> tuple[EditMesh, int]:
 
 
 def drop_repeated(net: EditMesh) -> tuple[EditMesh, int]:
-    """Without faces over the same three vertices as an earlier one, whichever way they look."""
+    """Drop faces over the same three vertices as an earlier face, in any orientation."""
     _, first = np.unique(np.sort(net.faces, axis=1), axis=0, return_index=True)
     kept = np.zeros(len(net.faces), bool)
     kept[first] = True
@@ -81,7 +81,7 @@ def drop_repeated(net: EditMesh) -> tuple[EditMesh, int]:
 
 
 def drop_dust(net: EditMesh, share: float) -> tuple[EditMesh, int]:
-    """Without bodies whose area is below `share` of the whole; the largest always stays."""
+    """Drop bodies whose area is below `share` of the total; the largest one always stays."""
     body = bodies(net.faces)
     areas = np.bincount(body, net.areas)
     kept = (areas >= share * areas.sum()) | (np.arange(len(areas)) == areas.argmax())
@@ -89,8 +89,10 @@ def drop_dust(net: EditMesh, share: float) -> tuple[EditMesh, int]:
 
 
 def fill_holes(net: EditMesh, max_edges: int, max_share: float) -> tuple[EditMesh, int, int]:
-    """The net, the holes filled and those left open: more edges than `max_edges`, more than `max_share` of the surface, or
-    touching themselves.
+    """Fill small holes by fans around their centre; count the holes filled and those left open.
+
+    Holes with more than `max_edges` edges or more than `max_share` of the surface stay open, and so do holes that touch each other.
+    A new face takes colour and part of the face at its edge.
     """
     _, rim = shared_edges(net.faces)
     edges = directed_edges(net.faces)[rim]
@@ -114,7 +116,7 @@ def fill_holes(net: EditMesh, max_edges: int, max_share: float) -> tuple[EditMes
 
 
 def _loops(edges: np.ndarray) -> tuple[list[np.ndarray], int]:
-    """Closed rounds of directed edges (as indices), and how many edges run through a vertex where rims meet."""
+    """Return closed loops of directed edges (as indices), and the number of loops through a shared vertex."""
     starts, counts = np.unique(edges[:, 0], return_counts=True)
     ends, arrivals = np.unique(edges[:, 1], return_counts=True)
     busy = set(starts[counts > 1]) | set(ends[arrivals > 1]) | set(np.setxor1d(starts, ends))
@@ -140,5 +142,5 @@ def _middle(net: EditMesh, edges: np.ndarray) -> np.ndarray:
 
 
 def _area(ends: np.ndarray, middle: np.ndarray) -> float:
-    """Area of a fan, m^2; `ends` (n, 2, 3)."""
+    """Compute the area of a fan in m^2; `ends` (n, 2, 3)."""
     return float(np.linalg.norm(np.cross(ends[:, 1] - middle, ends[:, 0] - middle), axis=1).sum() / 2)

@@ -1,4 +1,7 @@
-"""What every mesh reader gives: triangles as the file orders them, and how each corner of them is coloured."""
+"""Surface of a mesh file: triangles in the order of the file, with their images and colours, and the files of one object.
+
+References between files never leave the source folder.
+"""
 
 from __future__ import annotations
 
@@ -17,14 +20,14 @@ from afford.common.errors import SourceError
 from schemas.files import FileRef, FileTree
 
 GREY = (190, 190, 190)
-"""sRGB of what nobody gave a colour"""
+"""sRGB of a face without a colour"""
 MAX_TRIANGLES = 10_000_000
-"""of one object, copies of one mesh counted each: a surface takes 110 bytes a triangle, and 60,000 triangles are kept"""
+"""largest number of triangles of one object, with every copy of a mesh; 110 bytes each, and 60,000 are kept"""
 
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """Triangles of a file, nothing mended yet."""
+    """Triangles of a file before any repair."""
 
     vertices: np.ndarray
     """(v, 3) float64 in the unit of the file"""
@@ -39,19 +42,19 @@ class Surface:
     colour: np.ndarray
     """(f, 3, 3) uint8 sRGB corner colours, read where `paint` is -1"""
     line: np.ndarray
-    """(f,) int64 which face of the file a triangle was cut from; -1 where the format keeps no order of its own"""
+    """(f,) int64 face of the file that a triangle was cut from; -1 for a format without an order of faces"""
     group: np.ndarray
     """(f,) int64 index into `groups`"""
     groups: tuple[str, ...]
     """names of OBJ groups, glTF nodes or URDF links"""
     notes: tuple[tuple[str, int], ...] = ()
-    """what the reader had to leave out, and how often"""
+    """content that the reader dropped, and how often"""
     unit: str = ""
-    """m where the format says so; '' where it says nothing"""
+    """m if the format defines it, '' otherwise"""
 
 
 def plain_surface(vertices: np.ndarray, faces: np.ndarray, colour: Sequence[int] = GREY, group: str = "") -> Surface:
-    """A surface of one colour."""
+    """Create a surface of one colour."""
     count = len(faces)
     image = np.asarray(colour, np.uint8).reshape(1, 1, 3)
     return Surface(np.asarray(vertices, np.float64).reshape(-1, 3), np.asarray(faces, np.int64).reshape(-1, 3),
@@ -60,12 +63,12 @@ def plain_surface(vertices: np.ndarray, faces: np.ndarray, colour: Sequence[int]
 
 
 def with_corner_colours(surface: Surface, colours: np.ndarray) -> Surface:
-    """The surface with (f, 3, 3) uint8 corner colours instead of images."""
+    """Replace the images by corner colours (f, 3, 3) uint8."""
     return replace(surface, paint=np.full(len(surface.faces), -1), colour=np.asarray(colours, np.uint8), images=())
 
 
 def transform_surface(surface: Surface, T: np.ndarray) -> Surface:
-    """The surface under the affine (4, 4) `T`. Faces that `T` mirrors are turned again."""
+    """Apply an affine (4, 4) transform; the faces of a mirrored surface are flipped."""
     placed = replace(surface, vertices=surface.vertices @ T[:3, :3].T + T[:3, 3])
     if np.linalg.det(T[:3, :3]) > 0:
         return placed
@@ -73,20 +76,20 @@ def transform_surface(surface: Surface, T: np.ndarray) -> Surface:
 
 
 def check_triangles(count: int, name: str) -> None:
-    """TooLargeError for more triangles than one object may have."""
+    """Raise TooLargeError for more triangles than one object may have."""
     if count > MAX_TRIANGLES:
         raise TooLargeError(name, f"at most {MAX_TRIANGLES:,} triangles", f"{count:,}", "simplify the mesh, or use fewer copies")
 
 
 def check_corners(faces: np.ndarray, vertices: int, name: str) -> None:
-    """SourceError when a face names a vertex that is not there."""
+    """Raise SourceError for a face with an invalid vertex index."""
     if faces.size and (faces.min() < 0 or faces.max() >= vertices):
         bad = faces.max() if faces.min() >= 0 else faces.min()
         raise SourceError(name, f"vertex indices 0..{vertices - 1}", str(bad), "export the mesh again")
 
 
 def join_surfaces(surfaces: Sequence[Surface], unit: str) -> Surface:
-    """One surface, faces in order; faces of the file are numbered on, images and groups are listed one after another."""
+    """Join surfaces in order; faces, images and groups are renumbered consecutively."""
     if len(surfaces) == 1:
         return replace(surfaces[0], unit=unit)
     corners, images, groups, lines = ([0] for _ in range(4))
@@ -109,17 +112,17 @@ MESH_SUFFIXES = (".obj", ".ply", ".stl", ".glb", ".gltf")
 URDF = ".urdf"
 LABELS = ".parts.json"
 MAX_TEXELS = 1 << 27
-"""pixels of all images of one object: two of 8192 x 8192, the largest that renderers take; 400 MB as RGB"""
+"""pixels of all images of one object: two of 8192 x 8192, the largest that renderers accept; 400 MB as RGB"""
 SCHEME = re.compile(r"^[A-Za-z][A-Za-z0-9+.-]*:")
 
 
 def suffix(name: str) -> str:
-    """Ending of a file name in small letters, with its dot."""
+    """Return the suffix of a file name in lower case, with its dot."""
     return posixpath.splitext(name)[1].lower()
 
 
 def resolve_reference(base: str, reference: str) -> str:
-    """Root-relative name of what the file `base` calls `reference`; SourceError when that is outside the source."""
+    """Return the root-relative name of `reference` in the file `base`; SourceError outside the source."""
     path = reference.strip().strip('"').replace("\\", "/")
     name = posixpath.normpath(posixpath.join(posixpath.dirname(base), path))
     if SCHEME.match(path) or path.startswith("/") or name == ".." or name.startswith("../"):
@@ -129,7 +132,7 @@ def resolve_reference(base: str, reference: str) -> str:
 
 
 def find_reference(files: FileTree, base: str, reference: str) -> FileRef:
-    """The file of the tree that `base` calls `reference`; SourceError when it is not there."""
+    """Find the file that `base` refers to; SourceError if it does not exist."""
     name = resolve_reference(base, reference)
     found = files.find(name)
     if found is None:
@@ -139,7 +142,7 @@ def find_reference(files: FileTree, base: str, reference: str) -> FileRef:
 
 
 def main_file(files: FileTree) -> FileRef:
-    """The URDF of an object, or else its only mesh; SourceError for none or several."""
+    """Return the URDF of an object, or its only mesh; SourceError for none or several."""
     for endings in ((URDF,), MESH_SUFFIXES):
         found = [file for file in files.files if suffix(file.name) in endings]
         if len(found) == 1:
@@ -151,7 +154,7 @@ def main_file(files: FileTree) -> FileRef:
 
 
 def decode_text(file: FileRef) -> str:
-    """The text of a file; bytes that are not UTF-8 are read as Latin-1, which old exporters wrote."""
+    """Read a text file as UTF-8, or as Latin-1 (old exporters) if it is not valid UTF-8."""
     data = file.path.read_bytes()
     try:
         return data.decode("utf-8-sig")
@@ -160,7 +163,7 @@ def decode_text(file: FileRef) -> str:
 
 
 def decode_picture(data: bytes, name: str) -> np.ndarray:
-    """(h, w, 3) uint8 sRGB of an image file, transparency left out; SourceError when it cannot be read or is too large."""
+    """Decode an image file to (h, w, 3) uint8 sRGB without transparency; SourceError if unreadable or too large."""
     check_image(data, name, MAX_TEXELS)
     try:
         with Image.open(io.BytesIO(data)) as image:
@@ -170,21 +173,21 @@ def decode_picture(data: bytes, name: str) -> np.ndarray:
 
 
 class PictureCache:
-    """The images of one object by name: each is decoded once, and together they have at most MAX_TEXELS pixels."""
+    """Images of one object by name, decoded once, with at most MAX_TEXELS pixels together."""
 
     def __init__(self) -> None:
         self._found: dict[str, np.ndarray] = {}
         self._texels = 0
 
     def read(self, file: FileRef) -> np.ndarray:
-        """(h, w, 3) uint8 of an image file; SourceError when it cannot be read, or all are too large together."""
+        """Read an image file as (h, w, 3) uint8; SourceError if unreadable or too large together with the others."""
         if file.name not in self._found:
             self._found[file.name] = decode_picture(file.path.read_bytes(), file.name)
             self.count(self._found[file.name], file.name)
         return self._found[file.name]
 
     def count(self, image: np.ndarray, name: str) -> None:
-        """Add an image (h, w, 3) to the total; TooLargeError when that is beyond the limit."""
+        """Add an image (h, w, 3) to the total; TooLargeError beyond the limit."""
         self._texels += image.size // 3
         if self._texels > MAX_TEXELS:
             raise TooLargeError(name, f"images of at most {MAX_TEXELS / 1e6:.0f} megapixels together", "more", "make them smaller")

@@ -1,6 +1,7 @@
-"""Several images as one texture: packed as tiles with a border, texels untouched as long as they fit.
+"""Texture of a repaired mesh: images packed into an atlas, or colours baked into a new texture.
 
-Texel (row, column) of an (h, w) image has its centre at u = (column + 0.5) / w, v = 1 - (row + 0.5) / h.
+Images keep their texels as long as they fit. Texel (row, column) of an (h, w) image has its centre at u = (column + 0.5) / w, v = 1
+- (row + 0.5) / h.
 """
 
 from __future__ import annotations
@@ -18,16 +19,18 @@ from afford.surface.meshes.net import MeshError
 from afford.surface.meshes.surface import Surface
 
 BORDER = 8
-"""texels around a tile that repeat it, as its image did"""
+"""texels around a tile that repeat the image"""
 SLACK = 1e-4
-"""how far outside an image coordinates may stray and still mean its edge"""
+"""tolerance of coordinates outside 0..1"""
 REPEATS = 16
-"""an image may be repeated this often along a side"""
+"""largest number of repeats of an image along a side"""
 
 
 def pack_atlas(images: tuple[np.ndarray, ...], uv: np.ndarray, paint: np.ndarray, limit: int) -> tuple[np.ndarray, np.ndarray, int]:
-    """One texture (h, w, 3) uint8 with sides that are powers of two up to `limit`, coordinates (f, 3, 2) float32 in it, and
-    how often the images had to be halved to fit. MeshError when they cannot fit.
+    """Pack images into one texture (h, w, 3) uint8 with sides that are powers of two up to `limit`.
+
+    Also returns coordinates (f, 3, 2) float32 in the texture, and how often the images were halved to fit. Raises MeshError when
+    they cannot fit.
     """
     unique, paint = _unique(images, paint)
     uv = np.where((np.array([image.size for image in unique]) > 3)[paint][:, None, None], uv, 0.5)
@@ -55,7 +58,7 @@ def pack_atlas(images: tuple[np.ndarray, ...], uv: np.ndarray, paint: np.ndarray
 
 
 def _unique(images: tuple[np.ndarray, ...], paint: np.ndarray) -> tuple[list[np.ndarray], np.ndarray]:
-    """The images that are used, each once, and the index of each face's."""
+    """Return the distinct images in use, and the index of each face's image."""
     found: dict[tuple[tuple[int, ...], bytes], int] = {}
     used = np.unique(paint)
     index = np.zeros(len(images), np.int64)
@@ -65,7 +68,7 @@ def _unique(images: tuple[np.ndarray, ...], paint: np.ndarray) -> tuple[list[np.
 
 
 def _settled(uv: np.ndarray, paint: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Coordinates moved by whole repeats to start in 0..1, and how far (count, 2) whole repeats reach."""
+    """Shift coordinates by whole repeats to start in 0..1, and return the number of repeats (count, 2)."""
     uv = uv - np.floor(uv.min(axis=1, keepdims=True) + SLACK)
     reach = np.ones((count, 2), np.int64)
     np.maximum.at(reach, paint, np.ceil(uv.max(axis=1) - SLACK).astype(np.int64))
@@ -83,7 +86,7 @@ def _half(tile: np.ndarray) -> np.ndarray:
 
 
 def _place(tiles: list[np.ndarray], limit: int) -> tuple[int, int, list[tuple[int, int]]] | None:
-    """Height and width of the smallest texture in which the tiles stand on shelves, and their corners; None if none fits."""
+    """Find the smallest texture for the tiles on shelves: height, width and corners, or None."""
     sizes = [(tile.shape[1] + 2 * BORDER, tile.shape[0] + 2 * BORDER) for tile in tiles]
     order = sorted(range(len(sizes)), key=lambda k: (-sizes[k][1], -sizes[k][0], k))
     best = None
@@ -96,7 +99,7 @@ def _place(tiles: list[np.ndarray], limit: int) -> tuple[int, int, list[tuple[in
 
 
 def _shelves(sizes: list[tuple[int, int]], order: list[int], width: int) -> tuple[list[tuple[int, int]], int]:
-    """Corners of the tiles, tallest first, row after row, and the height that takes; no corners when one is too wide."""
+    """Pack tiles row by row, tallest first: corners and total height; no corners if one is too wide."""
     corners, x, y, shelf = [(0, 0)] * len(sizes), 0, 0, 0
     for k in order:
         w, h = sizes[k]
@@ -114,7 +117,7 @@ ColourAt = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
 def bake_texture(uv: np.ndarray, side: int, colour_at: ColourAt) -> np.ndarray:
-    """(side, side, 3) uint8 texture; texels of no face take the colour of the nearest face in the texture."""
+    """Bake colours into a texture (side, side, 3) uint8; unused texels take the colour of the nearest face."""
     face, bary = rasterise(np.ascontiguousarray(uv, np.float64), side)
     inside = face >= 0
     out = np.zeros((side, side, 3), np.uint8)
@@ -124,8 +127,9 @@ def bake_texture(uv: np.ndarray, side: int, colour_at: ColourAt) -> np.ndarray:
 
 @numba.njit(cache=True)
 def rasterise(uv, side):  # type: ignore[no-untyped-def]  # numba infers
-    """(side, side) int32 face at each texel centre (-1 none; a texel that only the edge of a face touches counts) and
-    (side, side, 3) float64 barycentric coordinates.
+    """Find the face (side, side) int32 at each texel centre, and barycentric coordinates (side, side, 3) float64.
+
+    -1 for no face; a texel that only the edge of a face touches counts.
     """
     face = np.full((side, side), -1, np.int32)
     best = np.full((side, side), -1e-3)
@@ -150,7 +154,7 @@ def rasterise(uv, side):  # type: ignore[no-untyped-def]  # numba infers
 
 
 def sample_texture(texture: np.ndarray, uv: np.ndarray) -> np.ndarray:
-    """(n, 3) uint8 colours of a texture at (n, 2) coordinates, blended between texels; it repeats beyond 0..1."""
+    """Sample colours (n, 3) uint8 at coordinates (n, 2), bilinear; the texture repeats beyond 0..1."""
     height, width = texture.shape[:2]
     x, y = uv[:, 0] * width - 0.5, (1 - uv[:, 1]) * height - 0.5
     left, top = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
@@ -161,13 +165,13 @@ def sample_texture(texture: np.ndarray, uv: np.ndarray) -> np.ndarray:
 
 
 FLAT_COLOURS = 256
-"""a mesh of at most so many face colours gets a palette, not a painting"""
+"""largest number of face colours that become plain materials instead of a baked texture"""
 BAKED_PX = 1024
 
 
 @dataclass(frozen=True, eq=False)
 class FaceColours:
-    """The colours of triangles: one texture, or corner colours where there is none."""
+    """Colours of triangles: one texture, and corner colours of faces without an image."""
 
     uv: np.ndarray
     """(f, 3, 2) float32"""
@@ -176,17 +180,17 @@ class FaceColours:
     colour: np.ndarray
     """(f, 3, 3) uint8"""
     cornered: np.ndarray
-    """(f,) bool: faces that have corner colours"""
+    """(f,) bool: faces with corner colours"""
 
     def at(self, face: np.ndarray, bary: np.ndarray) -> np.ndarray:
-        """(n, 3) uint8 colours of places on faces."""
+        """Compute the colours (n, 3) uint8 at points on faces."""
         out = sample_texture(self.texture, np.einsum("nk,nkc->nc", bary, self.uv[face]))
         mixed = np.round(np.einsum("nk,nkc->nc", bary, self.colour[face].astype(np.float64))).astype(np.uint8)
         return np.where(self.cornered[face][:, None], mixed, out)
 
 
 def face_colours(surface: Surface, corner: np.ndarray, limit: int) -> tuple[FaceColours, int]:
-    """Colours of the faces whose corners come from `corner` (f, 3) of a surface, and how often images were halved."""
+    """Collect the colours of faces whose corners come from `corner` (f, 3); count the halvings of images."""
     flat = _palette(surface)
     uv = flat.uv.reshape(-1, 2)[corner]
     paint = flat.paint[corner[:, 0] // 3]
@@ -198,7 +202,7 @@ def face_colours(surface: Surface, corner: np.ndarray, limit: int) -> tuple[Face
 
 
 def bake_colours(vertices: np.ndarray, faces: np.ndarray, seen: FaceColours, limit: int) -> tuple[np.ndarray, np.ndarray]:
-    """Coordinates and texture of a mesh that has the faces of its look."""
+    """Return coordinates and texture of a mesh with the same faces as `seen`."""
     if not seen.cornered.any():
         return seen.uv, seen.texture
     uv = unwrap(vertices, faces, min(limit, BAKED_PX))
@@ -206,7 +210,7 @@ def bake_colours(vertices: np.ndarray, faces: np.ndarray, seen: FaceColours, lim
 
 
 def _palette(surface: Surface) -> Surface:
-    """Corner colours turned into plain materials, where each face has one colour and there are few."""
+    """Convert corner colours to plain materials if each face has one colour and there are few."""
     mine = surface.paint < 0
     flat = (surface.colour[mine] == surface.colour[mine][:, :1]).all()
     colours, index = np.unique(surface.colour[mine][:, 0], axis=0, return_inverse=True)

@@ -1,1 +1,1 @@
-"""Negative affordance: votes of views on faces, fusion, distance, baselines, score, report."""
+"""Negative affordance: projection of part masks on faces, baselines, score, report, export."""

@@ -1,4 +1,4 @@
-"""Negative affordances as files for people and other programs: coloured surfaces (GLB, PLY), points with labels, N_t, JSON."""
+"""Export of negative affordances: coloured surfaces (GLB, PLY), labelled points, N_t, distance grid, JSON."""
 
 from __future__ import annotations
 
@@ -18,39 +18,39 @@ POINT = "".join([f"property float {axis}\n" for axis in "xyz"] + [f"property uch
 
 
 def write_files(mesh: ObjectMesh, descriptions: PartDescriptions, found: NegativeAffordances, scratch: Path) -> FileTree:
-    """A folder for each task: surface.glb, surface.ply, points.ply, N_t.ply, distance.npz and negative.json."""
+    """Write a folder for each task: surface.glb, surface.ply, points.ply, N_t.ply, distance.npz, negative.json."""
     root = empty_folder(scratch / "out")
-    for number, (one, told) in enumerate(zip(found.tasks, descriptions.descriptions, strict=True)):
+    for number, (one, description) in enumerate(zip(found.tasks, descriptions.descriptions, strict=True)):
         folder = root / f"{number}_{task_slug(one.task)}"
         folder.mkdir()
         _surface(mesh, one, folder)
         _points(found.points, one, folder)
         _distances(one, folder)
-        write_json(folder / "negative.json", affordance_record(one, told))
+        write_json(folder / "negative.json", affordance_record(one, description))
     return tree(found.name, root)
 
 
 def task_slug(task: str) -> str:
-    """A task as part of a file name: 'hand over the knife' -> hand_over_the_knife."""
+    """Convert a task to a part of a file name: 'hand over the knife' -> hand_over_the_knife."""
     return re.sub(r"[^a-z0-9]+", "_", task.lower()).strip("_") or "any_use"
 
 
-def affordance_record(one: NegativeAffordance, told: PartDescription) -> dict[str, object]:
-    """What was decided, and why."""
-    parts = {note.part: {"role": note.role, "reason": note.reason, "confidence": note.confidence} for note in told.notes}
-    return {"task": one.task, "category": told.category, "parts": parts, "negative_points": len(one.N_t),
+def affordance_record(one: NegativeAffordance, description: PartDescription) -> dict[str, object]:
+    """Build the content of negative.json: parts, roles, reasons, N_t."""
+    parts = {note.part: {"role": note.role, "reason": note.reason, "confidence": note.confidence} for note in description.notes}
+    return {"task": one.task, "category": description.category, "parts": parts, "negative_points": len(one.N_t),
             "unit": "m", "frame": "object", "N_t": np.round(one.N_t.astype(float), 7).tolist()}  # fmt: skip
 
 
 def probability_colours(probability: np.ndarray) -> np.ndarray:
-    """(n, 4) uint8: from green where a hand may go to red where it must not."""
+    """Map probabilities to (n, 4) uint8 colours from green (free) to red (negative)."""
     p = probability[:, None]
     rgb = p * NEGATIVE + (1 - p) * FREE
     return np.concatenate([np.rint(rgb), np.full((len(p), 1), 255)], axis=1).astype(np.uint8)
 
 
 def _surface(mesh: ObjectMesh, one: NegativeAffordance, folder: Path) -> None:
-    """Faces with corners of their own, so that no colour runs into the next face."""
+    """Write the surface with separate corners for each face, so that colours do not blend between faces."""
     corners = mesh.vertices[mesh.faces.reshape(-1)]
     shape = trimesh.Trimesh(corners, np.arange(len(corners)).reshape(-1, 3), process=False)
     shape.visual = trimesh.visual.ColorVisuals(shape, vertex_colors=np.repeat(probability_colours(one.probability), 3, axis=0))
@@ -59,7 +59,7 @@ def _surface(mesh: ObjectMesh, one: NegativeAffordance, folder: Path) -> None:
 
 
 def _points(points: np.ndarray, one: NegativeAffordance, folder: Path) -> None:
-    """The labelled points of the object, and N_t; PLY without a vertex where there is none."""
+    """Write the labelled points of the object, and N_t; both may be empty."""
     for name, place, bad in (("points.ply", points, one.negative), ("N_t.ply", one.N_t, np.ones(len(one.N_t), bool))):
         rows = np.empty(len(place), [("xyz", "<f4", 3), ("rgb", "u1", 3)])
         rows["xyz"], rows["rgb"] = place, probability_colours(bad.astype(np.float32))[:, :3]
@@ -68,6 +68,6 @@ def _points(points: np.ndarray, one: NegativeAffordance, folder: Path) -> None:
 
 
 def _distances(one: NegativeAffordance, folder: Path) -> None:
-    """The grid of distances as plain arrays."""
+    """Write the distance grid as plain arrays."""
     grid = one.field
     np.savez(folder / "distance.npz", distance_m=grid.distance_m, origin=grid.origin, spacing_m=np.float64(grid.spacing_m))

@@ -1,4 +1,18 @@
-"""From what the views say to the surface: probability of faces, labels of points, N_t, distances."""
+"""Project scored part masks on the faces of a mesh: negative probability of faces, N_t, distance field.
+
+1. `part_posterior`: the parts of an object compete for each candidate mask. A candidate that fits the blade better than the handle
+is blade, even if neither fits well. Every part exists somewhere, so a part that fits nothing well gets more weight where it fits
+best.
+
+2. `pixel_probability`: weighted mean of the candidates that cover a pixel. Certain and small candidates weigh most, so that a
+switch is not outvoted by the body it belongs to; candidates that fit no part have no weight.
+
+3. `project_to_faces`: the pixels vote on the exact face behind them, weighted by the cosine of incidence. Faces without a vote take
+the harmonic interpolation of their neighbours.
+
+4. `label_surface`: faces above a threshold are negative. N_t is a farthest point sample of them, and a grid contains the distance
+to N_t.
+"""
 
 from __future__ import annotations
 
@@ -28,21 +42,21 @@ from schemas.surface import (
 
 
 def vote_on_faces(face: np.ndarray, value: np.ndarray, weight: np.ndarray, faces: int) -> tuple[np.ndarray, np.ndarray]:
-    """Weighted mean (f,) float32 of what the pixels of each face say, 0 where none has weight, and the sum of their weights (f,).
+    """Compute the weighted mean (f,) float32 of the pixels of each face, and the sum of their weights (f,).
 
-    `face` (n, h, w) int32, -1 beside the object; `value` (n, h, w) 0..1; `weight` (n, h, w), none negative.
+    `face` (n, h, w) int32, -1 for background; `value` (n, h, w) 0..1; `weight` (n, h, w), not negative. Faces without weight get 0.
     """
     on = face >= 0
     index, w = face[on], weight[on].astype(np.float64)
     total = np.bincount(index, w, faces)
-    said = np.bincount(index, w * value[on], faces)
-    return np.divide(said, total, out=np.zeros(faces), where=total > 0).astype(np.float32), total.astype(np.float32)
+    weighted = np.bincount(index, w * value[on], faces)
+    return np.divide(weighted, total, out=np.zeros(faces), where=total > 0).astype(np.float32), total.astype(np.float32)
 
 
 def cos_incidence(mesh: ObjectMesh, views: ObjectViews) -> np.ndarray:
-    """(n, h, w) float32: cosine of the angle between line of sight and face normal at each pixel, 0 beside the object.
+    """Compute the cosine of the angle between line of sight and face normal at each pixel: (n, h, w) float32.
 
-    Faces seen from behind (of an open surface) count as from before.
+    0 for background. Back faces (of an open surface) count as front faces.
     """
     normal = face_areas(mesh.vertices[mesh.faces].astype(np.float64))[1]
     out = np.zeros(views.face.shape, np.float32)
@@ -55,21 +69,22 @@ def cos_incidence(mesh: ObjectMesh, views: ObjectViews) -> np.ndarray:
 
 
 SHARPEN = 2.0
-"""exponent of the shares before parts compete"""
+"""exponent of the fits before the parts compete"""
 LIFTED = 0.98
-"""quantile, over an object's candidates, of how well they fit a part: what counts as its best"""
+"""quantile of the fits of a part over the candidates of an object that counts as its best fit"""
 LEAST_BEST = 0.05
-"""a part whose best is worse than this is not lifted further"""
+"""smallest best fit by which the fits of a part are normalised"""
 REJECTED = 0.1
-"""a candidate that fits no part better than this says nothing"""
+"""a candidate whose share of every part is below this has no weight"""
 UNSURE = 0.02
-"""what a candidate counts that fits all parts alike"""
+"""weight of a candidate that fits all parts equally"""
 
 
 def pixel_probability(candidates: PartCandidates, scores: PartScores, description: PartDescription,
            face: np.ndarray) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """Probability (n, h, w) float32 that a pixel of each view is negative, and the weight (n, h, w) of those that said so, 0 where
-    no candidate covers it. `face` (n, h, w): that of each pixel, -1 beside the object.
+    """Compute the probability (n, h, w) float32 that a pixel is negative, and the weight (n, h, w) of its candidates.
+
+    `face` (n, h, w) is the face of each pixel, -1 for background. Pixels without a candidate have weight 0.
     """
     value, counts = part_posterior(scores, description)
     shown = (face >= 0).sum((1, 2))[candidates.view]
@@ -79,16 +94,16 @@ def pixel_probability(candidates: PartCandidates, scores: PartScores, descriptio
 
 def weighted_pixel_mean(candidates: PartCandidates, value: np.ndarray, weight: np.ndarray,
            shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """Values (m,) of candidates -> their weighted mean at every pixel (n, h, w) float32, and the sum of the weights (m,) there."""
-    said, total = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
+    """Average the values (m,) of candidates at every pixel: (n, h, w) float32, and the sum of the weights (m,)."""
+    mean, total = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
     for view, mask, v, w in zip(candidates.view, candidates.masks, value, weight, strict=True):
-        said[view][mask] += v * w
+        mean[view][mask] += v * w
         total[view][mask] += w
-    return np.divide(said, total, out=said, where=total > 0), total
+    return np.divide(mean, total, out=mean, where=total > 0), total
 
 
 def split_by_task(descriptions: PartDescriptions, scores: PartScores) -> Iterator[tuple[PartDescription, PartScores]]:
-    """Every description with the columns of the scores that are its own."""
+    """Yield every description with its own columns of the scores."""
     at = 0
     for one in descriptions.descriptions:
         mine = slice(at, at := at + len(one.notes))
@@ -96,7 +111,7 @@ def split_by_task(descriptions: PartDescriptions, scores: PartScores) -> Iterato
 
 
 def part_posterior(scores: PartScores, description: PartDescription) -> tuple[np.ndarray, np.ndarray]:
-    """(m,) float32 share of each candidate that is negative, and how much it counts."""
+    """Compute the negative share (m,) float32 of each candidate, and the weight (m,) of the candidate."""
     count = len(description.notes)
     if not count:
         return np.zeros(len(scores.share), np.float32), np.zeros(len(scores.share), np.float32)
@@ -109,15 +124,17 @@ def part_posterior(scores: PartScores, description: PartDescription) -> tuple[np
 
 
 def _unnormalised_posterior(scores: PartScores) -> np.ndarray:
-    """(m, k) float64: how strongly each part claims each candidate, by what it shows and by how well it is all of the part."""
+    """Compute the fit (m, k) float64 of candidates and parts, from share and overlap, normalised by the best fit."""
     claim = scores.share.astype(np.float64) * np.sqrt(scores.overlap)
     best = np.quantile(claim, LIFTED, axis=0) if len(claim) else np.ones(claim.shape[1])
     return np.asarray((claim / np.sqrt(np.maximum(best, LEAST_BEST))) ** SHARPEN)
 
 
 def harmonic_fill(vertices: np.ndarray, faces: np.ndarray, value: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """(f,) float32: `value` where `known` (f,) bool, the mean of the neighbours elsewhere; pieces in which nothing is known take
-    the value of the nearest known face. All zeros when nothing is known at all.
+    """Fill unknown faces by the harmonic function of the known ones: (f,) float32.
+
+    `known` (f,) bool. Components without a known face take the value of the nearest known face. All values are 0 when no face is
+    known.
     """
     if known.all() or not known.any():
         return np.where(known, value, 0).astype(np.float32)
@@ -138,7 +155,7 @@ def harmonic_fill(vertices: np.ndarray, faces: np.ndarray, value: np.ndarray, kn
 
 
 def face_adjacency(vertices: np.ndarray, faces: np.ndarray):  # type: ignore[no-untyped-def]  # scipy has no types
-    """(f, f) sparse symmetric: faces that share an edge, weighted by its length over the mean one."""
+    """Build the sparse symmetric matrix (f, f) of faces that share an edge, weighted by relative edge length."""
     (a, b), length = (found.T for found in shared_edges(vertices, faces))
     weight = np.maximum(length / max(float(length.mean()) if len(length) else 1.0, 1e-30), 1e-6)
     both = coo_array((np.tile(weight, 2), (np.concatenate([a, b]), np.concatenate([b, a]))), shape=(len(faces),) * 2)
@@ -146,12 +163,12 @@ def face_adjacency(vertices: np.ndarray, faces: np.ndarray):  # type: ignore[no-
 
 
 def distance_to_points(N_t: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """(n,) float64 metres from each point (n, 3) to the nearest negative point (k, 3); infinite when there is none."""
+    """Compute the distance (n,) float64 in metres from points (n, 3) to N_t (k, 3); infinite for an empty N_t."""
     return np.asarray(cKDTree(N_t).query(points)[0]) if len(N_t) else np.full(len(points), np.inf)
 
 
 def distance_field(name: str, N_t: np.ndarray, vertices: np.ndarray, spacing_m: float, margin_m: float) -> DistanceField:
-    """Distances on a grid around the object (v, 3) and `margin_m` beyond it."""
+    """Sample the distance to N_t on a grid around the object (v, 3), extended by `margin_m`."""
     low, high = vertices.min(0) - margin_m, vertices.max(0) + margin_m
     count = np.ceil((high - low) / spacing_m).astype(int) + 1
     axes = [low[k] + spacing_m * np.arange(count[k]) for k in range(3)]
@@ -160,9 +177,9 @@ def distance_field(name: str, N_t: np.ndarray, vertices: np.ndarray, spacing_m: 
 
 
 def interpolate_field(grid: DistanceField, points: np.ndarray) -> np.ndarray:
-    """(n,) float32 metres, between the nodes linearly; beyond the grid never less than the distance to it.
+    """Interpolate a distance field linearly at points: (n,) float32 metres.
 
-    Off by at most sqrt(3) times the spacing inside.
+    Beyond the grid, the result is at least the distance to the grid. Inside, the error is at most sqrt(3) times the spacing.
     """
     where = (points - grid.origin) / grid.spacing_m
     inside = where.clip(0, np.array(grid.distance_m.shape) - 1)
@@ -172,12 +189,12 @@ def interpolate_field(grid: DistanceField, points: np.ndarray) -> np.ndarray:
 
 
 DENSE = 20
-"""points that are drawn for each of N_t, so that the farthest of them cover the region"""
+"""sampled points for each point of N_t, from which the farthest are chosen"""
 
 
 @dataclass(frozen=True)
 class ProjectionSettings:
-    """What is asked of the result."""
+    """Settings of the projection: the Params of negative_affordance_projection."""
 
     threshold: float
     points: int
@@ -188,31 +205,34 @@ class ProjectionSettings:
 
 
 def project(mesh: ObjectMesh, views: ObjectViews, candidates: PartCandidates, descriptions: PartDescriptions, scores: PartScores,
-            wish: ProjectionSettings) -> NegativeAffordances:  # fmt: skip
-    """Where a hand must not go, for every task that is described."""
-    points, face = sample_surface(mesh.vertices, mesh.faces, views.visible_area, wish.points, np.random.default_rng(wish.seed))
+            settings: ProjectionSettings) -> NegativeAffordances:  # fmt: skip
+    """Compute the negative affordance of every described task."""
+    rng = np.random.default_rng(settings.seed)
+    points, face = sample_surface(mesh.vertices, mesh.faces, views.visible_area, settings.points, rng)
     square, tasks = cos_incidence(mesh, views), []
-    for one, said in split_by_task(descriptions, scores):
-        value, weight = pixel_probability(candidates, said, one, views.face)
+    for one, own in split_by_task(descriptions, scores):
+        value, weight = pixel_probability(candidates, own, one, views.face)
         probability, evidence = project_to_faces(mesh, views, value, weight * square)
-        tasks.append(label_surface(mesh, views, one.task, probability, evidence, face, wish))
+        tasks.append(label_surface(mesh, views, one.task, probability, evidence, face, settings))
     return NegativeAffordances(mesh.name, points, tuple(tasks))
 
 
 def project_to_faces(mesh: ObjectMesh, views: ObjectViews, value: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """What pixels say (n, h, w) with weights (n, h, w) -> probability (f,) of every face, and the sum of its weights (f,); a face
-    without any takes what its neighbours have.
+    """Average pixel values (n, h, w) with weights (n, h, w) on faces: probability (f,), and sum of weights (f,).
+
+    Faces without weight take the values of their neighbours.
     """
     voted, evidence = vote_on_faces(views.face, value, weight, len(mesh.faces))
     return harmonic_fill(mesh.vertices, mesh.faces, voted, evidence > 0), evidence
 
 
 def label_surface(mesh: ObjectMesh, views: ObjectViews, task: str, probability: np.ndarray, evidence: np.ndarray, face: np.ndarray,
-             wish: ProjectionSettings) -> NegativeAffordance:  # fmt: skip
-    """Probabilities of faces (f,) -> everything that is told of a task; `face` (n,) is that of each point of the object."""
-    bad = probability > wish.threshold
-    rng = np.random.default_rng((wish.seed, 1))
-    dense, _ = sample_surface(mesh.vertices, mesh.faces, np.where(bad, views.visible_area, 0), DENSE * wish.negative_points, rng)
-    N_t = dense[farthest_point_sampling(dense, wish.negative_points)]
-    grid = distance_field(mesh.name, N_t, mesh.vertices, wish.spacing_m, wish.margin_m)
+             settings: ProjectionSettings) -> NegativeAffordance:  # fmt: skip
+    """Convert face probabilities (f,) to labels, N_t and distance field; `face` (n,) belongs to the object's points."""
+    bad = probability > settings.threshold
+    rng = np.random.default_rng((settings.seed, 1))
+    area = np.where(bad, views.visible_area, 0)
+    dense, _ = sample_surface(mesh.vertices, mesh.faces, area, DENSE * settings.negative_points, rng)
+    N_t = dense[farthest_point_sampling(dense, settings.negative_points)]
+    grid = distance_field(mesh.name, N_t, mesh.vertices, settings.spacing_m, settings.margin_m)
     return NegativeAffordance(task, probability, evidence, bad[face], N_t, grid)

@@ -1,4 +1,4 @@
-"""Scores of many objects as metrics, tables and a sheet of pictures."""
+"""Report of negative affordance scores: metrics, tables, and a sheet of coloured views."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ BY_TASK = ("iou", "precision", "recall", "said")
 HIT = 0.5
 """IoU from which a part counts as found"""
 TAKEN = "whole_object_taken"
-"""of methods that take one mask in each view"""
+"""measure of methods that select one mask in each view"""
 
 
 Row = tuple[str, str, list[NegativeScores], str]
-"""label, split, what was scored, method"""
+"""label, split, scores, method"""
 
 
 def write_report(scores: tuple[NegativeScores, ...], per_category: int, scratch: Path) -> FileTree:
-    """metrics.json, report.md and sheet.jpg; ValueError when nothing was scored."""
+    """Write metrics.json, report.md and sheet.jpg; ValueError without scores."""
     if not scores:
-        raise ValueError("negative_affordance_report: expected scored objects, got none")
+        raise ValueError("negative_affordance_report: no scored object")
     folder = empty_folder(scratch / "negative_affordance")
     measured = metrics(scores)
     write_json(folder / "metrics.json", measured)
@@ -43,7 +43,7 @@ def write_report(scores: tuple[NegativeScores, ...], per_category: int, scratch:
 
 
 def metrics(scores: Sequence[NegativeScores]) -> dict[str, float]:
-    """Flat: our own scores by split, those of others under their names, looks, and what the views saw."""
+    """Compute flat metrics: by split, by method and split, by look, and coverage of the views."""
     out = {"objects": float(len(scores)), "seen_area.six": float(np.mean([one.seen_six for one in scores])),
            "seen_area.adaptive": float(np.mean([one.seen_all for one in scores]))}  # fmt: skip
     for split in sorted({one.split for one in scores}):
@@ -60,9 +60,7 @@ def metrics(scores: Sequence[NegativeScores]) -> dict[str, float]:
 
 
 def mean(scores: Iterable[NegativeScores], method: str, measure: str) -> float:
-    """Over objects, of the mean over tasks for which it is known (of IoU: those with a negative part); NaN where no object has
-    one.
-    """
+    """Average over objects the mean over tasks with a finite value; NaN if no object has one."""
     rows = ([getattr(row, measure) for row in one.rows if row.method == method] for one in scores)
     known = (np.array(row)[np.isfinite(row)] for row in rows)
     each = [float(row.mean()) for row in known if len(row)]
@@ -70,7 +68,7 @@ def mean(scores: Iterable[NegativeScores], method: str, measure: str) -> float:
 
 
 def rows_by_task(scores: Sequence[NegativeScores]) -> list[Row]:
-    """A row for each pair of a thing and a task."""
+    """Return a row for each pair of category and task."""
     kinds = sorted({(one.split, one.category, row.task) for one in scores for row in one.rows})
     return [(f"{kind}: {task or 'any use'}", split, [replace(one, rows=tuple(row for row in one.rows if row.task == task))
                                                     for one in scores if (one.split, one.category) == (split, kind)], "afford")
@@ -78,7 +76,7 @@ def rows_by_task(scores: Sequence[NegativeScores]) -> list[Row]:
 
 
 def markdown(scores: Sequence[NegativeScores], measured: dict[str, float]) -> str:
-    """Methods by split, then categories, then tasks."""
+    """Format tables of methods by split, of categories, and of tasks."""
     lines = ["# Negative affordances", "", f"{len(scores)} objects; six views see {measured['seen_area.six']:.3f} of the visible "
              f"surface well, all views {measured['seen_area.adaptive']:.3f}.", ""]  # fmt: skip
     by_split = [(split, [one for one in scores if one.split == split]) for split in sorted({one.split for one in scores})]
@@ -111,12 +109,12 @@ def _shown(scores: Sequence[NegativeScores], per_category: int) -> list[Negative
 
 SIDE, QUALITY = 168, 82
 NEGATIVE, FREE = np.array([214, 48, 39], np.float32), np.array([60, 160, 90], np.float32)
-"""red where a hand must not go, green where it may"""
+"""red for negative faces, green for free ones"""
 OPACITY = 0.55
 
 
 def sheet_row(views: ObjectViews, found: NegativeAffordances, title: Sequence[str]) -> np.ndarray:
-    """(SIDE, 7 * SIDE, 3) uint8: six views coloured by probability, then the one that shows most in its own colours."""
+    """Draw (SIDE, 7 * SIDE, 3) uint8: six views coloured by probability, and the largest one in its own colours."""
     most = int((views.face[:6] >= 0).sum((1, 2)).argmax())
     tiles = [shrink_tile(paint_view(views, n, found.tasks[0].probability)) for n in range(6)] + [shrink_tile(views.rgb[most])]
     for tile, text in zip(tiles, title, strict=False):
@@ -125,7 +123,7 @@ def sheet_row(views: ObjectViews, found: NegativeAffordances, title: Sequence[st
 
 
 def paint_view(views: ObjectViews, view: int, probability: np.ndarray) -> np.ndarray:
-    """(h, w, 3) uint8: a view, its faces red as far as they are negative, green as far as not."""
+    """Colour the faces of a view (h, w, 3) uint8 from green (free) to red (negative)."""
     p = np.append(probability, 0)[views.face[view]][..., None]
     colour = p * NEGATIVE + (1 - p) * FREE
     grey = views.rgb[view].mean(-1, keepdims=True)
@@ -134,11 +132,11 @@ def paint_view(views: ObjectViews, view: int, probability: np.ndarray) -> np.nda
 
 
 def shrink_tile(picture: np.ndarray) -> np.ndarray:
-    """At the size of a tile."""
+    """Resize an image to a tile."""
     return np.ascontiguousarray(cv2.resize(picture, (SIDE, SIDE), interpolation=cv2.INTER_AREA))
 
 
 def draw_caption(tile: np.ndarray, text: str) -> None:
-    """A line at the foot of a tile."""
+    """Write a line of text at the bottom of a tile."""
     at = (4, tile.shape[0] - 6)
     cv2.putText(tile, text.encode("ascii", "replace").decode(), at, cv2.FONT_HERSHEY_SIMPLEX, 0.36, (20, 20, 20), 1, cv2.LINE_AA)

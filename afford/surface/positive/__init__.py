@@ -1,1 +1,1 @@
-"""Positive affordance of the two-hand model projected on a mesh."""
+"""Positive affordance: the regions of a two-hand model, projected on a mesh."""

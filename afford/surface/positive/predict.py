@@ -1,4 +1,4 @@
-"""A two-hand model in a file tree, ready to be asked for the region of a thing."""
+"""Load a two-hand model as a function from image and task to the union of both hands' regions."""
 
 from __future__ import annotations
 
@@ -14,7 +14,10 @@ from schemas.files import FileTree
 
 
 def load_region_predictor(model: FileTree, category: str, scratch: Path) -> Callable[[np.ndarray, str], np.ndarray]:
-    """A picture (h, w, 3) of a thing of this category and a task -> (h, w) bool where any hand that the model takes belongs."""
+    """Return a function from an image (h, w, 3) of an object of `category` and a task to a region (h, w) bool.
+
+    The region is the union of the regions of both hands.
+    """
     predictor = Predictor(copy_folder(model, "config.json", empty_folder(scratch)))
 
     def ask(rgb: np.ndarray, task: str) -> np.ndarray:

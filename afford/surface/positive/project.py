@@ -1,4 +1,4 @@
-"""What a two-hand model says of an object's views -> its surface, by the votes of negative affordance (surface/negative)."""
+"""Project the regions of a two-hand model from the views of an object on its faces."""
 
 from __future__ import annotations
 
@@ -16,42 +16,43 @@ from schemas.surface import PositiveAffordance
 
 @dataclass(frozen=True)
 class ProjectionSettings:
-    """What is asked of the result."""
+    """Settings of the projection."""
 
     threshold: float
     points: int
     seed: int
 
 
-def hand_probability(said: Sequence[Prediction]) -> np.ndarray:
-    """(2, n, h, w) float32 probability that each hand belongs on a pixel of each view: of its likeliest region, 0 for a hand that
-    is not returned.
-    """
-    best = [[one.probability[side, one.score[side].argmax()] * one.hands[side] for one in said] for side in (0, 1)]
+def hand_probability(predictions: Sequence[Prediction]) -> np.ndarray:
+    """Return the probability (2, n, h, w) float32 of each hand's likeliest region in each view; 0 for an unused hand."""
+    best = [[one.probability[side, one.score[side].argmax()] * one.hands[side] for one in predictions] for side in (0, 1)]
     return np.array(best, np.float32)
 
 
-def project(mesh: ObjectMesh, views: ObjectViews, task: str, said: Sequence[Prediction],
-            wish: ProjectionSettings) -> PositiveAffordance:  # fmt: skip
-    """Where hands belong for one task; `said` is one prediction for each view."""
-    each = hand_probability(said)
+def project(mesh: ObjectMesh, views: ObjectViews, task: str, predictions: Sequence[Prediction],
+            settings: ProjectionSettings) -> PositiveAffordance:  # fmt: skip
+    """Compute the positive affordance of one task from one prediction for each view."""
+    each = hand_probability(predictions)
     square = cos_incidence(mesh, views)
     hands = [project_to_faces(mesh, views, value, square) for value in each]
     probability, evidence = project_to_faces(mesh, views, 1 - (1 - each).prod(0), square)
-    good = probability > wish.threshold
-    rng = np.random.default_rng((wish.seed, 2))
-    dense, _ = sample_surface(mesh.vertices, mesh.faces, np.where(good, views.visible_area, 0), DENSE * wish.points, rng)
-    taxonomy = np.asarray(np.mean([one.taxonomy for one in said], axis=0), np.float32)
+    good = probability > settings.threshold
+    rng = np.random.default_rng((settings.seed, 2))
+    dense, _ = sample_surface(mesh.vertices, mesh.faces, np.where(good, views.visible_area, 0), DENSE * settings.points, rng)
+    taxonomy = np.asarray(np.mean([one.taxonomy for one in predictions], axis=0), np.float32)
     return PositiveAffordance(task, probability, np.stack([p for p, _ in hands]), evidence, taxonomy,
-                              dense[farthest_point_sampling(dense, wish.points)])
+                              dense[farthest_point_sampling(dense, settings.points)])
 
 
 DEFAULT_VERB = "use"
-"""what is done where nobody says"""
+"""verb of an empty task"""
 
 
 def as_narration(task: str, category: str) -> str:
-    """The task, with the thing where its words do not name it; what a model of narrations is asked."""
+    """Write task and object as a narration: 'cut bread' and knife give 'cut bread with knife'.
+
+    The object is not repeated where the task already names it.
+    """
     thing = category.replace("_", " ")
     if not thing or f" {thing} " in f" {task} ":
         return task or DEFAULT_VERB

@@ -1,4 +1,4 @@
-"""Question: which pixels of a view may be one part of the object?"""
+"""Interface of part mask proposals: pixels of a view that may be one part of the object."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ class Regions:
     """Parameters of `regions`."""
 
     nms_iou: float = 0.7
-    """of two masks of a view that overlap more, the better one is kept"""
+    """largest IoU of two masks of a view; of two that overlap more, the better one is kept"""
     most: int = 20
-    """masks of a view"""
+    """largest number of masks of a view"""
     least_share: float = 0.004
-    """of the object's area, for a part"""
+    """smallest part, as a share of the object's area"""
     most_share: float = 0.95
-    """of the object's area and of what a view shows of it, for a part"""
+    """largest part, as a share of the object's area and of its visible area in a view"""
     least_px: int = 60
-    """pixels of a mask"""
+    """smallest mask, pixels"""
 
 
 @dataclass(frozen=True)
@@ -38,19 +38,19 @@ class Sam(Pretrained):
     grid: int = 16
     """points along each side of a view; 32 in the released code"""
     least_iou: float = 0.88
-    """IoU that the model predicts for a mask"""
+    """smallest IoU that the model predicts for a mask"""
     least_stability: float = 0.7
-    """IoU of a mask cut a little above and below its threshold"""
+    """smallest IoU of a mask thresholded slightly above and below"""
     offset: float = 0.7
-    """how far above and below the threshold a mask is cut to see whether it is stable, logits"""
+    """offset of both thresholds of the stability score, logits"""
     nms_iou: float = 0.7
-    """of two masks of a view that overlap more, the better one is kept"""
+    """largest IoU of two masks of a view; of two that overlap more, the better one is kept"""
     most: int = 20
-    """masks of a view"""
+    """largest number of masks of a view"""
     most_share: float = 0.95
-    """of what a view shows of the object, for a part"""
+    """largest part, as a share of the visible area in a view"""
     least_px: int = 60
-    """pixels of a mask"""
+    """smallest mask, pixels"""
     batch: int = 64
     """points in one pass; 0.3 GB at the published sizes"""
 
@@ -62,14 +62,14 @@ class Windows:
     windows: int = 6
     """windows along each side of the square around the silhouette; they overlap by half"""
     least_window: float = 0.02
-    """of what a view shows of the object, in a window"""
+    """smallest share of the visible object in a window"""
 
 
 class Propose(Protocol[Own]):
-    """What every backend of this folder looks like."""
+    """Backend of mask_propose."""
 
     def __call__(self, mesh: ObjectMesh, views: ObjectViews, params: Own) -> PartCandidates:
-        """Masks of all views, by view and then by quality; several may overlap.
+        """Propose masks of all views, sorted by view and then by quality; masks may overlap.
 
         `params` are those of this backend. Pure and deterministic; the inputs are not modified.
         """

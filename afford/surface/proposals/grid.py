@@ -1,6 +1,6 @@
-"""No segmentation at all: overlapping square windows over the silhouette of each of the six cardinal views.
+"""Overlapping square windows over the silhouette of each of the six cardinal views, without segmentation.
 
-What a model that knows pictures, but proposes no masks, can be asked about: baselines stand on these, not the chain itself.
+Baselines score the windows with models that classify images but propose no masks.
 """
 
 from __future__ import annotations
@@ -19,11 +19,7 @@ UNKNOWN = 0.5
 
 
 def propose(mesh: ObjectMesh, views: ObjectViews, params: Windows) -> PartCandidates:
-    """See `Propose`.
-
-    Windows come row by row and are cut with the silhouette; those that show the same of it, as many do of a thin thing, are
-    one. How much one stands out nobody knows: their quality is in the middle.
-    """
+    """Propose windows row by row, cut with the silhouette (`Propose`); equal windows are merged."""
     found: list[tuple[int, np.ndarray, float]] = []
     for view, face in enumerate(views.face[:SIX]):
         least = max(params.least_window * (face >= 0).sum(), 1)
@@ -33,8 +29,9 @@ def propose(mesh: ObjectMesh, views: ObjectViews, params: Windows) -> PartCandid
 
 
 def windows(on: np.ndarray, count: int) -> np.ndarray:
-    """(count ** 2, h, w) bool: squares that overlap by half and together cover the square around a silhouette (h, w) bool, cut with
-    it. ValueError when there is not one along a side.
+    """Return (count ** 2, h, w) bool: squares that overlap by half and cover a silhouette (h, w) bool.
+
+    The squares together cover the square around the silhouette, and each is cut with it. Raises ValueError for a count below 1.
     """
     if count < 1:
         raise ValueError(f"mask_propose.grid.windows: expected 1 or more along a side, got {count}")
@@ -44,7 +41,7 @@ def windows(on: np.ndarray, count: int) -> np.ndarray:
 
 
 def _bands(side: slice, width: int, length: int, count: int) -> np.ndarray:
-    """(count, length) bool: stretches of an axis that overlap by half and cover `width` px around the middle of `side`."""
+    """Return (count, length) bool: intervals that overlap by half and cover `width` px around the centre of `side`."""
     step = width / (count + 1)
     start = (side.start + side.stop - width) / 2 + step * np.arange(count)[:, None]
     at = np.arange(length) + 0.5

@@ -1,4 +1,4 @@
-"""Masks that say the same: only the better one is kept."""
+"""Non-maximum suppression of masks, and the value that collects the masks of all views."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from schemas.surface import PartCandidates
 
 
 def nms(masks: np.ndarray, quality: np.ndarray, iou: float, most: int) -> np.ndarray:
-    """(k,) indices of masks (m, ...) bool, best first, of which no two overlap by more than `iou`; at most `most`.
+    """Return indices (k,) of masks (m, ...) bool after non-maximum suppression, best first; at most `most`.
 
-    Equally good ones keep their order. Empty masks are left out.
+    No two kept masks have an IoU above `iou`. Masks of equal quality keep their order. Empty masks are dropped.
     """
     flat = masks.reshape(len(masks), int(np.prod(masks.shape[1:])))
     size = flat.sum(1, dtype=np.int64)
@@ -29,7 +29,7 @@ def _overlap(a: np.ndarray, b: np.ndarray, size_a: int, size_b: int) -> float:
 
 
 def collect_candidates(name: str, found: list[tuple[int, np.ndarray, float]], size: tuple[int, ...]) -> PartCandidates:
-    """(view, mask, quality) of all views as one value."""
+    """Combine (view, mask, quality) of all views."""
     masks = np.stack([mask for _, mask, _ in found]) if found else np.zeros((0, *size), bool)
     quality = np.array([quality for *_, quality in found], np.float32).clip(0, 1)
     return PartCandidates(name, np.array([view for view, _, _ in found], np.int16), masks, quality)

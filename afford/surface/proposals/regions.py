@@ -1,4 +1,9 @@
-"""The embedded proposer: the surface is cut where it bends inwards, changes colour or thickness, at all scales."""
+"""Embedded proposer: a hierarchy of surface regions, cut at concave creases and changes of colour or thickness.
+
+Faces are joined into small regions that cross no strong border (Felzenszwalb and Huttenlocher 2004, on the graph of faces). Regions
+are merged in pairs, the most similar first, until one is left; every region of this tree may be a part. The persistence of a region
+is the cost of the merge that ended it minus the cost of the merge that created it, relative to the last merge.
+"""
 
 from __future__ import annotations
 
@@ -15,11 +20,11 @@ from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.surface import PartCandidates
 
 FINEST = 0.0003
-"""scale of the first regions (see oversegment)"""
+"""scale of the smallest regions (see oversegment)"""
 
 
 def propose(mesh: ObjectMesh, views: ObjectViews, params: Regions) -> PartCandidates:
-    """See `Propose`."""
+    """Propose the regions of the tree, as masks in every view (`Propose`)."""
     tree = region_tree(mesh, params.least_share)
     chosen = np.flatnonzero((tree.share >= params.least_share) & (tree.share <= params.most_share))
     nodes, quality = tree.members()[chosen], tree.persistence[chosen]
@@ -34,22 +39,24 @@ def propose(mesh: ObjectMesh, views: ObjectViews, params: Regions) -> PartCandid
 
 
 def region_tree(mesh: ObjectMesh, least: float) -> RegionTree:
-    """The tree of regions of a surface."""
+    """Build the region tree of a surface."""
     features = FaceFeatures.of(mesh)
     borders = Borders.of(mesh.vertices, mesh.faces, features, BorderWeights())
     return merge_regions(oversegment(borders, features.area, FINEST, least / 2), borders, features)
 
 
 COLOUR, THICKNESS = 0.012, 0.35
-"""how much regions differ in the mean, for a unit of CIE Lab and for a factor e of thickness, beside the border between them"""
+"""weights of the difference of two regions: a unit of CIE Lab, a factor e of thickness; the border adds its own cost"""
 SMALL = 0.25
-"""exponent: small regions merge first, at a cost that falls with this power of their share of the area"""
+"""exponent of the share of the area in the cost of a merge, so that small regions merge first"""
 
 
 @dataclass(frozen=True, eq=False)
 class RegionTree:
-    """Node n < r is a region, others are merges. `leaf` (f,) int32 region of each face; `children` (m - r, 2) int32 of each merge;
-    `persistence` (m,) float32 0..1; `share` (m,) of the area.
+    """Region hierarchy; nodes n < r are initial regions, the others merges.
+
+    `leaf` (f,) int32 is the region of each face, `children` (m - r, 2) int32 the parts of each merge, `persistence` (m,) float32
+    0..1, and `share` (m,) the share of the area.
     """
 
     leaf: np.ndarray
@@ -58,7 +65,7 @@ class RegionTree:
     share: np.ndarray
 
     def members(self) -> np.ndarray:
-        """(m, r) bool: the regions in each node."""
+        """Return the initial regions in each node: (m, r) bool."""
         regions = len(self.persistence) - len(self.children)
         out = np.zeros((len(self.persistence), regions), bool)
         out[np.arange(regions), np.arange(regions)] = True
@@ -68,7 +75,7 @@ class RegionTree:
 
 
 def merge_regions(leaf: np.ndarray, borders: Borders, features: FaceFeatures) -> RegionTree:
-    """The tree above the regions (f,); pieces that touch nowhere are merged last."""
+    """Merge initial regions (f,) to a tree; pieces without a common border are merged last."""
     regions = _RegionMerger(leaf, borders, features)
     while regions.queue:
         regions.step()
@@ -76,7 +83,7 @@ def merge_regions(leaf: np.ndarray, borders: Borders, features: FaceFeatures) ->
 
 
 class _RegionMerger:
-    """What is known of the regions while they merge: sums that add up, borders, and a queue of possible merges."""
+    """State of the merging: sums of features, borders, and a priority queue of merges."""
 
     def __init__(self, leaf: np.ndarray, borders: Borders, features: FaceFeatures) -> None:
         count = int(leaf.max()) + 1
@@ -95,7 +102,7 @@ class _RegionMerger:
         heapq.heapify(self.queue)
 
     def step(self) -> None:
-        """Merge the pair that costs least, unless one of them is gone."""
+        """Execute the cheapest merge unless one of its regions no longer exists."""
         cost, i, j = heapq.heappop(self.queue)
         if i not in self.alive or j not in self.alive:
             return
@@ -104,7 +111,7 @@ class _RegionMerger:
             heapq.heappush(self.queue, (self._cost(new, other), other, new))
 
     def tree(self, leaf: np.ndarray) -> RegionTree:
-        """What came of it. Pieces that are left over are joined at the cost of the most expensive merge."""
+        """Build the tree; remaining pieces are joined at the cost of the most expensive merge."""
         rest = sorted(self.alive)
         last = max([*self.born, 1e-9])
         while len(rest) > 1:
@@ -143,8 +150,10 @@ class _RegionMerger:
 
 
 def oversegment(borders: Borders, area: np.ndarray, scale: float, least: float) -> np.ndarray:
-    """(f,) int32 label 0..r-1 of each face. `scale`: larger gives larger regions; `least`: regions of less than this share of the
-    area join the neighbour behind their weakest border.
+    """Label faces (f,) int32 0..r-1 by small regions.
+
+    A larger `scale` gives larger regions. Regions of less than the share `least` of the area join the neighbour across their
+    weakest border.
     """
     order = np.argsort(borders.strength, kind="stable")
     share = area / max(float(area.sum()), 1e-30)
@@ -162,7 +171,7 @@ def _root(parent, node):  # type: ignore[no-untyped-def]  # numba infers
 
 @numba.njit(cache=True)
 def _join(pair, strength, share, scale, least):  # type: ignore[no-untyped-def]
-    """Root of each face; edges come weakest first."""
+    """Find the root of each face; edges are sorted by strength."""
     parent, size, inside = np.arange(len(share)), share.copy(), np.zeros(len(share))
     for sweep in range(2):
         for k in range(len(pair)):

@@ -1,10 +1,10 @@
-"""Segment Anything is asked at a grid of points over every view, as AffordDex has it."""
+"""Part masks from Segment Anything, prompted with a grid of points in every view, as in AffordDex."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from afford.models.sam import Grid, everything, grid_points, load_model
+from afford.models.sam import Grid, grid_points, load_model, segment_everything
 from afford.surface.proposals import Sam
 from afford.surface.proposals.nms import collect_candidates, nms
 from schemas.mesh import ObjectMesh, ObjectViews
@@ -14,15 +14,17 @@ WEIGHTS = "a SamModel: folder of save_pretrained, or hub id as facebook/sam-vit-
 
 
 def propose(mesh: ObjectMesh, views: ObjectViews, params: Sam) -> PartCandidates:
-    """See `Propose`."""
+    """Prompt the model in every view and suppress duplicate masks (`Propose`)."""
     model = load_model(params.model, params.device, params.dtype)
     grid = Grid(params.grid, params.least_iou, params.least_stability, params.offset, params.batch)
     points = grid_points(grid.points, *views.face.shape[1:])
     found: list[tuple[int, np.ndarray, float]] = []
     for view, (rgb, face) in enumerate(zip(views.rgb, views.face, strict=True)):
         on = face >= 0
-        asked = points[on[points[:, 1].astype(int), points[:, 0].astype(int)]]
-        masks, quality = everything(model, rgb, grid, asked) if len(asked) else (np.zeros((0, *on.shape), bool), np.zeros(0))
+        prompts = points[on[points[:, 1].astype(int), points[:, 0].astype(int)]]
+        masks, quality = np.zeros((0, *on.shape), bool), np.zeros(0)
+        if len(prompts):
+            masks, quality = segment_everything(model, rgb, grid, prompts)
         masks &= on
         size = masks.sum((1, 2))
         fit = (size >= params.least_px) & (size <= params.most_share * on.sum())

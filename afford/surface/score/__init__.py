@@ -1,4 +1,4 @@
-"""Question: how well does a mask in a view fit a part in words?"""
+"""Interface of part scorers: fit between a mask in a view and a part in words."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ class Clip(Pretrained):
     """Parameters of `clip`."""
 
     model: str = ""
-    """folder of save_pretrained with its tokenizer.json, or one that holds it as clip/; or a hub id"""
+    """folder of save_pretrained with its tokenizer.json, or a folder with it as clip/; or a hub id"""
     least_cosine: float = -1.0
-    """a candidate that fits no part better fits nothing; -1 for none"""
+    """smallest best cosine of a candidate; below it the candidate fits no part; -1 for none"""
     batch: int = 32
     """candidates in one pass; 0.6 GB at the published size"""
 
 
 class Score(Protocol[Own]):
-    """What every backend of this folder looks like."""
+    """Backend of mask_score."""
 
     def __call__(self, mesh: ObjectMesh, views: ObjectViews, candidates: PartCandidates, descriptions: PartDescriptions,
                  scorer: FileTree, params: Own) -> PartScores:  # fmt: skip
-        """Scores of every candidate for every note of the descriptions, in order.
+        """Score every candidate for every note of the descriptions, in order.
 
         `params` are those of this backend. Pure and deterministic; the inputs are not modified.
         """

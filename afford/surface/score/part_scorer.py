@@ -1,4 +1,7 @@
-"""The dual encoder: convolutions over what is seen, hashed pieces of words over what is asked, and how well they fit."""
+"""Part scorer: a dual encoder of mask crops (CNN) and part phrases (hashed subwords), its files, and its use.
+
+A scorer is saved as config.json, model.safetensors and a card with its training data, figures and limits.
+"""
 
 from __future__ import annotations
 
@@ -22,26 +25,27 @@ from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.surface import PartCandidates, PartDescriptions, PartScores
 
 TRAITS = 4 + len(SHAPE_FEATURES)
-"""numbers that come with a candidate (see traits.py and form.py)"""
+"""number of scalar features of a candidate (shape_features.py)"""
 
 
 @dataclass(frozen=True)
 class PartScorerConfig:
-    """Sizes."""
+    """Sizes of the network."""
 
     widths: tuple[int, ...] = (24, 48, 96, 128)
-    """channels after each halving of the picture"""
+    """channels after each halving of the resolution"""
     width: int = 128
-    """of the space in which both sides meet"""
+    """width of the shared embedding"""
     text_buckets: int = 2048
-    """rows of the table that pieces of words are hashed into"""
+    """rows of the table of hashed subwords"""
     text_words: int = 16
-    """words read of a phrase"""
+    """words of a phrase that are read"""
 
 
 class PartScorer(nn.Module):
-    """Candidates and phrases -> for each pair, two logits: which share of the mask shows the part, and how well mask and part
-    overlap (IoU).
+    """Dual encoder: two logits for each pair of candidate and phrase.
+
+    The first logit is the share of the mask that shows the part, the second the IoU of mask and part.
     """
 
     def __init__(self, config: PartScorerConfig) -> None:
@@ -56,23 +60,23 @@ class PartScorer(nn.Module):
         self.scale, self.bias = nn.Parameter(torch.full((2,), 2.0)), nn.Parameter(torch.full((2,), -1.0))
 
     def forward(self, crops: Tensor, traits: Tensor, phrases: tuple[str, ...]) -> Tensor:
-        """(b, 2, 6, s, s) 0..1 and (b, TRAITS) of candidates, k phrases -> (b, k, 2) logits."""
-        return self.fit(self.seen(crops, traits), self.said(phrases))
+        """Score (b, 2, 6, s, s) crops 0..1 with (b, TRAITS) features against k phrases: (b, k, 2) logits."""
+        return self.logits(self.encode_masks(crops, traits), self.encode_phrases(phrases))
 
-    def seen(self, crops: Tensor, traits: Tensor) -> Tensor:
-        """(b, 2, width) of candidates."""
+    def encode_masks(self, crops: Tensor, traits: Tensor) -> Tensor:
+        """Embed candidates: (b, 2, width)."""
         found = [trunk(crops[:, k] - 0.5).mean((2, 3)) for k, trunk in enumerate((self.close, self.whole))]
         return _unit(self.image(torch.cat([*found, traits], -1)))
 
-    def said(self, phrases: tuple[str, ...]) -> Tensor:
-        """(k, 2, width) of phrases: the mean over their words."""
+    def encode_phrases(self, phrases: tuple[str, ...]) -> Tensor:
+        """Embed phrases by the mean over their words: (k, 2, width)."""
         vectors, real = self.words(phrases)
         mean = (vectors * real[..., None]).sum(1) / real.sum(1, keepdim=True)
         return _unit(self.text(mean))
 
-    def fit(self, seen: Tensor, said: Tensor) -> Tensor:
-        """(b, k, 2) logits of every pair: scaled cosines, so that nothing may fit (Zhai et al. 2023, sigmoid loss)."""
-        return torch.einsum("bhw,khw->bkh", seen, said) * self.scale.exp() + self.bias
+    def logits(self, masks: Tensor, phrases: Tensor) -> Tensor:
+        """Compute (b, k, 2) logits of every pair as scaled cosines (sigmoid loss, Zhai et al. 2023)."""
+        return torch.einsum("bhw,khw->bkh", masks, phrases) * self.scale.exp() + self.bias
 
 
 def _unit(both: Tensor) -> Tensor:
@@ -92,7 +96,7 @@ CONFIG, WEIGHTS, CARD, FORMAT = "config.json", "model.safetensors", "card.md", "
 
 
 def save_scorer(scratch: Path, model: PartScorer, card: str) -> Path:
-    """The folder of files; what a training left of curves comes along."""
+    """Write the files of a scorer, with the TensorBoard files of its training; return the folder."""
     root = scratch / "out"
     shutil.rmtree(root, ignore_errors=True)
     root.mkdir(parents=True)
@@ -106,7 +110,7 @@ def save_scorer(scratch: Path, model: PartScorer, card: str) -> Path:
 
 
 def load_scorer(files: FileTree) -> PartScorer:
-    """The scorer that `save_scorer` wrote; ValueError says which file does not fit."""
+    """Load a scorer that `save_scorer` wrote; ValueError for a file that does not match."""
     config, weights = (_file(files, name) for name in (CONFIG, WEIGHTS))
     where = f"{CONFIG} of {files.name}"
     sizes = read_config(config, PartScorerConfig, FORMAT, where, "train a scorer with scorer_train")
@@ -129,7 +133,10 @@ AT_ONCE = 256
 
 def score(mesh: ObjectMesh, views: ObjectViews, candidates: PartCandidates, descriptions: PartDescriptions, scorer: FileTree,
           params: None) -> PartScores:  # fmt: skip
-    """A part is asked for twice, by name and looks, and by its looks alone."""
+    """Score candidates with the trained scorer (`Score`).
+
+    Each part is scored twice, by name and looks, and by its looks alone; the logits are averaged.
+    """
     phrases = tuple(note.phrase for note in descriptions.notes)
     looks = tuple(phrase.partition(", ")[2] or phrase for phrase in phrases)
     found = np.zeros((len(candidates.view), len(phrases), 2), np.float32)
@@ -139,7 +146,7 @@ def score(mesh: ObjectMesh, views: ObjectViews, candidates: PartCandidates, desc
         with torch.inference_mode():
             for at in range(0, len(crops), AT_ONCE):
                 some = slice(at, at + AT_ONCE)
-                shown = model.seen(torch.from_numpy(crops[some]).float() / 255, torch.from_numpy(traits[some]))
-                logits = [model.fit(shown, model.said(words)) for words in (phrases, looks)]
+                shown = model.encode_masks(torch.from_numpy(crops[some]).float() / 255, torch.from_numpy(traits[some]))
+                logits = [model.logits(shown, model.encode_phrases(words)) for words in (phrases, looks)]
                 found[some] = torch.stack(logits).mean(0).sigmoid().numpy()
     return PartScores(mesh.name, np.ascontiguousarray(found[..., 0]), np.ascontiguousarray(found[..., 1]))

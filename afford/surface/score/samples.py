@@ -1,7 +1,8 @@
-"""What the scorer sees of a candidate: the mask's surroundings close by, and the whole view, each with the mask.
+"""Inputs and training samples of the part scorer: crops of candidates, and their true part shares.
 
-Six channels: brightness with a blurred surround (as the paper shows masks to CLIP), the mask, the object, and the normals in the
-camera's frame. Colours are left out: they say little about parts, and less of an object that training never saw.
+Each candidate has a close crop around the mask and a crop of the whole view, with six channels: brightness with a blurred surround
+(as the paper shows masks to CLIP), mask, object, and normals in the camera frame. Colours are left out, because they say little
+about parts, and less about objects outside the training set.
 """
 
 from __future__ import annotations
@@ -20,22 +21,22 @@ from schemas.surface import PartCandidates, PartLessons
 SIZE = 48
 CHANNELS = ("brightness", "mask", "object", "normal_x", "normal_y", "normal_z")
 MARGIN = 0.35
-"""of the mask's longer side, around it in the close picture"""
+"""margin around the mask in the close crop, as a share of the mask's longer side"""
 BLUR = 0.1
 """sigma of the blurred surround, as a share of the view's side"""
 EVEN = 128
-"""a normal's 0 as uint8"""
+"""uint8 value of a normal component 0"""
 
 
 class MaskCropper:
-    """Views of one object, ready to be cut; what all masks of a view share is made once."""
+    """Cropper for the views of one object; what all masks of a view share is computed once."""
 
     def __init__(self, mesh: ObjectMesh, views: ObjectViews) -> None:
         normal = face_areas(mesh.vertices[mesh.faces].astype(np.float64))[1]
         self._normal, self._views, self._base = np.vstack([normal, [[0, 0, 0]]]), views, dict[int, np.ndarray]()
 
     def __call__(self, view: int, mask: np.ndarray) -> np.ndarray:
-        """(2, 6, SIZE, SIZE) uint8 of a mask (h, w) bool: close by, then the whole view."""
+        """Crop a mask (h, w) bool: (2, 6, SIZE, SIZE) uint8, close crop and whole view."""
         if view not in self._base:
             self._base[view] = self._whole(view)
         base = self._base[view]
@@ -43,7 +44,7 @@ class MaskCropper:
         return np.stack([_cut(shown, *_around(mask, MARGIN)), _cut(shown, *_around(base[..., 2] > 0, 0.04))])
 
     def _whole(self, view: int) -> np.ndarray:
-        """(h, w, 6) uint8: brightness, blurred brightness, object, normals."""
+        """Compute the channels of a view (h, w, 6) uint8: brightness, blurred brightness, object, normals."""
         rgb, face = self._views.rgb[view], self._views.face[view]
         grey = cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY)
         blurred = cv2.GaussianBlur(grey, (0, 0), BLUR * grey.shape[1])
@@ -53,7 +54,7 @@ class MaskCropper:
 
 
 def rotate_crops(crops: np.ndarray, turn: int, mirror: bool) -> np.ndarray:
-    """Crops (..., 6, s, s) as if the camera had rolled by `turn` quarter turns counter-clockwise, and in a mirror; normals too."""
+    """Rotate crops (..., 6, s, s) by `turn` quarter turns counter-clockwise, and mirror them, with their normals."""
     out = np.rot90(crops, turn, (-2, -1))
     x, y = out[..., 3, :, :], out[..., 4, :, :]
     for _ in range(turn % 4):
@@ -70,14 +71,14 @@ def _ink(mask: np.ndarray) -> np.ndarray:
 
 
 def _around(mask: np.ndarray, margin: float) -> tuple[float, float, float]:
-    """Centre x, y and side of a square around a mask, with a margin of its own longer side."""
+    """Return centre x, y and side of a square around a mask, with a margin relative to the mask's longer side."""
     rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
     side = max(rows[-1] - rows[0], columns[-1] - columns[0]) + 1
     return (columns[0] + columns[-1]) / 2, (rows[0] + rows[-1]) / 2, side * (1 + 2 * margin)
 
 
 def _cut(shown: np.ndarray, x: float, y: float, side: float) -> np.ndarray:
-    """(6, SIZE, SIZE) uint8 of a square that may reach beyond the picture; beyond it is nothing."""
+    """Crop and resize a square (6, SIZE, SIZE) uint8; outside the image it is empty."""
     half, height, width = side / 2, *shown.shape[:2]
     low = np.floor([y - half + 0.5, x - half + 0.5]).astype(int)
     high = low + max(1, round(side))
@@ -91,7 +92,7 @@ def _cut(shown: np.ndarray, x: float, y: float, side: float) -> np.ndarray:
 
 
 def scorer_inputs(mesh: ObjectMesh, views: ObjectViews, candidates: PartCandidates) -> tuple[np.ndarray, np.ndarray]:
-    """(m, 2, c, s, s) uint8 crops and (m, r) float32 numbers (traits.py, form.py) of all candidates."""
+    """Compute crops (m, 2, c, s, s) uint8 and scalar features (m, r) float32 of all candidates."""
     cut, features = MaskCropper(mesh, views), FaceFeatures.of(mesh)
     crops = [cut(int(view), mask) for view, mask in zip(candidates.view, candidates.masks, strict=True)]
     empty = np.zeros((0, 2, len(CHANNELS), SIZE, SIZE), np.uint8)
@@ -101,9 +102,9 @@ def scorer_inputs(mesh: ObjectMesh, views: ObjectViews, candidates: PartCandidat
 
 def part_samples(spec: ObjectSpec, mesh: ObjectMesh, parts: MeshParts, views: ObjectViews, candidates: PartCandidates, most: int,
             seed: int) -> PartLessons:  # fmt: skip
-    """Some of the candidates with the truth; ValueError when there is none."""
+    """Build training samples from at most `most` random candidates; ValueError without candidates."""
     if not len(candidates.view):
-        raise ValueError(f"{mesh.name}: expected candidates to learn from, got none")
+        raise ValueError(f"{mesh.name}: no candidate masks; check mask_propose")
     rng = np.random.default_rng((seed, spec.seed))
     chosen = np.sort(rng.permutation(len(candidates.view))[:most])
     some = replace(candidates, view=candidates.view[chosen], masks=candidates.masks[chosen], quality=candidates.quality[chosen])
@@ -112,7 +113,7 @@ def part_samples(spec: ObjectSpec, mesh: ObjectMesh, parts: MeshParts, views: Ob
 
 
 def part_targets(parts: MeshParts, views: ObjectViews, candidates: PartCandidates) -> tuple[np.ndarray, np.ndarray]:
-    """(m, p) float32 share of each candidate's pixels that show each part, and its IoU with what the view shows of the part."""
+    """Compute the share (m, p) float32 of each candidate that shows each part, and its IoU with the visible part."""
     count = len(parts.names)
     part = np.append(parts.part, -1)[views.face]
     whole = np.stack([np.bincount(shown[shown >= 0], minlength=count) for shown in part]).astype(np.float64)

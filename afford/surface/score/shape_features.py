@@ -1,6 +1,6 @@
-"""The form of what a candidate shows, in numbers that no turn and no size of the object changes.
+"""Shape features of candidates in 3-D, invariant to rotation and scale, and traits of their masks.
 
-They are what words such as long, thin, flat or at the end mean in 3-D, whatever the thing is called.
+The features quantify words such as long, thin, flat or at the end, for any object.
 """
 
 from __future__ import annotations
@@ -21,8 +21,9 @@ LIMIT = 2.0
 
 @dataclass(frozen=True, eq=False)
 class OrientedBox:
-    """Faces of a surface in their own frame: weights (f,), `middle` (3,), axes (3, 3) in columns, lowest and highest (3,) along
-    them, the axis of the largest extent first.
+    """Oriented bounding box of faces along their principal axes, the axis of the largest extent first.
+
+    Weights (f,), `middle` (3,), axes (3, 3) in columns, lowest and highest coordinates (3,) along them.
     """
 
     weight: np.ndarray
@@ -33,7 +34,7 @@ class OrientedBox:
 
     @staticmethod
     def of(points: np.ndarray, area: np.ndarray) -> OrientedBox:
-        """Of the middles (f, 3) of faces with areas (f,)."""
+        """Fit the box to the centres (f, 3) of faces with areas (f,)."""
         weight = np.maximum(area, 1e-14)
         weight = weight / weight.sum()
         middle = weight @ points
@@ -46,12 +47,12 @@ class OrientedBox:
 
     @property
     def size(self) -> np.ndarray:
-        """(3,) extents, descending."""
+        """Extents (3,), descending."""
         return self.high - self.low
 
 
 def shape_features(features: FaceFeatures, views: ObjectViews, candidates: PartCandidates) -> np.ndarray:
-    """(m, r) float32, one column for each of FORM, within -2..2: of the faces behind each mask."""
+    """Compute the features of the faces behind each mask: (m, r) float32, one column for each of SHAPE_FEATURES, -2..2."""
     area = np.asarray(views.visible_area, np.float64)
     seen = area > 0
     whole = OrientedBox.of(features.middle[seen], area[seen])
@@ -63,7 +64,7 @@ def shape_features(features: FaceFeatures, views: ObjectViews, candidates: PartC
 
 
 def _numbers(features: FaceFeatures, face: np.ndarray, whole: OrientedBox, visible: float) -> list[float]:
-    """The columns of one candidate; logarithms are scaled to about -1..1."""
+    """Compute the columns of one candidate; logarithms are scaled to about -1..1."""
     points, normal, area = features.middle[face], features.normal[face], features.area[face]
     longest = float(whole.size[0])
     patch = OrientedBox.of(points, area)
@@ -75,7 +76,10 @@ def _numbers(features: FaceFeatures, face: np.ndarray, whole: OrientedBox, visib
 
 
 def _place(points: np.ndarray, patch: OrientedBox, whole: OrientedBox) -> list[float]:
-    """Whether it lies along the object, how far from its middle, from both ends, and how much of its width and depth it takes."""
+    """Compute the position of a candidate in the object.
+
+    Alignment with the object's axis, distances from its centre and both ends, and shares of its width and depth.
+    """
     where = (points - whole.middle) @ whole.axes
     low, high = where.min(0), where.max(0)
     aside = np.abs(patch.weight @ where - (whole.low + whole.high) / 2) / np.maximum(whole.size / 2, 1e-9)
@@ -92,8 +96,9 @@ def _thickness(thickness: np.ndarray, patch: OrientedBox, longest: float) -> lis
 
 
 def _bend(points: np.ndarray, normal: np.ndarray, patch: OrientedBox) -> list[float]:
-    """How little the normals spread in two directions (0, 0: a plane; 0, more: a cylinder), and whether it bulges (positive) or is
-    hollow.
+    """Compute the spread of the normals in two directions, and convexity.
+
+    0, 0 for a plane; 0, more for a cylinder. Convexity is positive for a bulge and negative for a hollow.
     """
     spread = np.linalg.eigvalsh((normal * patch.weight[:, None]).T @ normal)
     bulge = patch.weight @ ((points - patch.middle) * normal).sum(1) / max(patch.size[0], 1e-12)
@@ -101,8 +106,9 @@ def _bend(points: np.ndarray, normal: np.ndarray, patch: OrientedBox) -> list[fl
 
 
 def mask_traits(views: ObjectViews, candidates: PartCandidates, thickness: np.ndarray) -> np.ndarray:
-    """(m, 4) float32, all within about -1..1: share of what the view shows of the object, elongation of the mask, thickness of the
-    object behind it (f,) over that of the whole view, and how much the mask stands out.
+    """Compute four traits of each mask: (m, 4) float32, about -1..1.
+
+    Share of the visible object, elongation of the mask, thickness (f,) behind the mask relative to the whole view, and quality.
     """
     out = np.zeros((len(candidates.view), 4), np.float32)
     log = np.append(np.log(thickness), 0.0)
@@ -115,7 +121,7 @@ def mask_traits(views: ObjectViews, candidates: PartCandidates, thickness: np.nd
 
 
 def _elongation(mask: np.ndarray) -> float:
-    """0 for what is as wide as long, towards 1 for a needle."""
+    """Return 0 for a mask that is as wide as long, towards 1 for a needle."""
     y, x = np.nonzero(mask)
     if len(x) < 3:
         return 0.0

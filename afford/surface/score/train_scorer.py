@@ -1,4 +1,4 @@
-"""The task of the part scorer: candidates and phrases in, which share of each shows the part and how well they overlap out."""
+"""Training task of the part scorer: predict share and IoU of candidates and phrases; model card."""
 
 from __future__ import annotations
 
@@ -20,33 +20,36 @@ from afford.training.state import TrainingState
 from schemas.surface import PartLessons
 
 OTHERS = 0.1
-"""what parts of other categories count, which no candidate of this one shows"""
+"""weight of parts of other categories, which no candidate of this object shows"""
 FORMLESS, NOISE = 0.3, 0.05
-"""share of candidates that are shown without their form, and the noise on it elsewhere"""
+"""share of candidates whose shape features are zeroed, and noise on the features of the others"""
 LETTERS = np.array(list("abcdefghiklmnoprstuw"))
 Phrase = Callable[[str, str], str]
-"""(category, part) -> the part in words"""
+"""function from (category, part) to a phrase"""
 
 
 def init_scorer(config: PartScorerConfig, seed: int) -> PartScorer:
-    """A scorer with the random weights of this seed."""
+    """Create a scorer with random weights of this seed."""
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
         return PartScorer(config)
 
 
-def scorer_task(model: PartScorer, lessons: Sequence[PartLessons], seed: int, objects: int, candidates: int) -> ScorerTask:
-    """The task of the loop; ValueError when there is nothing to learn from or nothing that judges."""
-    parts = {split: [one for one in lessons if one.split == split] for split in ("train", "val")}
+def scorer_task(model: PartScorer, samples: Sequence[PartLessons], seed: int, objects: int, candidates: int) -> ScorerTask:
+    """Create the training task; ValueError without training or validation objects."""
+    parts = {split: [one for one in samples if one.split == split] for split in ("train", "val")}
     for split, found in parts.items():
         if not found:
-            raise ValueError(f"scorer_train: expected objects of the split {split}, got none; see object_plan")
+            raise ValueError(f"scorer_train: no object of the split {split}; see object_plan")
     return ScorerTask(model, parts["train"], parts["val"], part_phrase, seed, objects, candidates)
 
 
 @dataclass(frozen=True, eq=False)
 class ScorerBatch:
-    """(b, 2, c, s, s) uint8, (b, r) float32, k phrases, (b, k, 2) share and overlap, (b, k) weight of each pair."""
+    """Batch of the part scorer.
+
+    (b, 2, c, s, s) uint8 crops, (b, r) float32 features, k phrases, (b, k, 2) share and IoU, (b, k) weight of each pair.
+    """
 
     crops: np.ndarray
     traits: np.ndarray
@@ -56,19 +59,19 @@ class ScorerBatch:
 
 
 class ScorerTask:
-    """What the loop trains (`afford.training.job.Task`)."""
+    """Task of the training loop (`afford.training.job.Task`)."""
 
     monitor = "right"
 
     def __init__(self, model: PartScorer, learned: Sequence[PartLessons], judged: Sequence[PartLessons], phrase: Phrase, seed: int,
                  objects: int, candidates: int) -> None:
-        """A batch has `candidates` of each of `objects` objects."""
+        """Set up batches of `candidates` candidates of each of `objects` objects."""
         self.model: nn.Module = model
         self._net, self._learned, self._judged, self._phrase, self._seed = model, learned, judged, phrase, seed
         self._objects, self._candidates = min(objects, len(learned)), candidates
 
     def batch(self, number: int) -> ScorerBatch:
-        """Candidates of some objects, turned and mirrored, and their parts in words that vary."""
+        """Draw candidates of some objects, rotated and mirrored, with augmented phrases."""
         rng = np.random.default_rng((self._seed, number))
         chosen = [self._learned[n] for n in rng.choice(len(self._learned), self._objects, replace=False)]
         pairs = sorted({(one.category, part) for one in chosen for part in one.parts})
@@ -80,7 +83,7 @@ class ScorerTask:
         return ScorerBatch(np.stack(crops), traits, phrases, np.stack(truth), np.stack(weight))
 
     def loss(self, model: nn.Module, batch: ScorerBatch) -> dict[str, Tensor]:
-        """Cross-entropy of both answers, weighted."""
+        """Compute the weighted cross-entropy of share and IoU."""
         logits = model(torch.from_numpy(batch.crops).float() / 255, torch.from_numpy(batch.traits), batch.phrases)
         weight = torch.from_numpy(batch.weight)[..., None]
         each = binary_cross_entropy_with_logits(logits, torch.from_numpy(batch.truth), reduction="none") * weight
@@ -88,14 +91,14 @@ class ScorerTask:
         return {"total": share + overlap, "share": share, "overlap": overlap}
 
     def validate(self) -> dict[str, float]:
-        """Over objects: share of candidates whose main part is told, and mean error of the shares."""
+        """Compute accuracy of the main part, and mean error of the shares, over objects."""
         found = [self._answer(one) for one in self._judged]
-        right = [float((said.argmax(1) == one.share.argmax(1)).mean()) for said, one in zip(found, self._judged, strict=True)]
-        error = [float(np.abs(said - one.share).mean()) for said, one in zip(found, self._judged, strict=True)]
+        right = [float((shares.argmax(1) == one.share.argmax(1)).mean()) for shares, one in zip(found, self._judged, strict=True)]
+        error = [float(np.abs(shares - one.share).mean()) for shares, one in zip(found, self._judged, strict=True)]
         return {"right": float(np.mean(right)), "error": float(np.mean(error))}
 
     def preview(self, folder: Path, step: int) -> None:
-        """Nothing to see: the report shows candidates with their scores."""
+        """Write nothing: the report shows candidates with their scores."""
 
     def _answer(self, one: PartLessons) -> np.ndarray:
         phrases = tuple(self._phrase(one.category, part) for part in one.parts)
@@ -104,8 +107,9 @@ class ScorerTask:
 
 
 def augment_traits(traits: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """The numbers of a candidate (r,), its form with a little noise or, often, none at all: numbers so exact would tell which
-    object it is, and pictures would not be looked at.
+    """Add noise to the shape features of a candidate (r,), or zero them.
+
+    Exact features would identify the training object, and the network would ignore the crops.
     """
     out = traits.copy()
     count = len(SHAPE_FEATURES)
@@ -114,8 +118,10 @@ def augment_traits(traits: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
 
 def augment_phrase(phrase: str, part: str, rng: np.random.Generator) -> str:
-    """A phrase such as 'the blade of a saw, a long flat thin plate at the end': whole, with names that mean nothing, only how it
-    looks, only what it is, or only the part. Of a thing that is new, its looks must tell.
+    """Shorten or disguise a phrase such as 'the blade of a saw, a long flat thin plate at the end'.
+
+    The result is the whole phrase, the phrase with nonsense names, its shape alone, its name alone, or the part alone. For an
+    unseen object, the shape must be sufficient.
     """
     kind, (named, _, looks) = rng.random(), phrase.partition(", ")
     if kind < 0.25:
@@ -130,8 +136,9 @@ def _nonsense(rng: np.random.Generator) -> str:
 
 
 def _pair_targets(one: PartLessons, n: int, pairs: Sequence[tuple[str, str]]) -> tuple[np.ndarray, np.ndarray]:
-    """(k, 2) truth and (k,) weight of candidate n for each pair: its own parts count fully, those of other things a little, unless
-    they have the name of one of its own.
+    """Compute targets (k, 2) and weights (k,) of candidate n for each pair of category and part.
+
+    Own parts have weight 1, parts of other objects OTHERS, or 0 if they have the name of an own part.
     """
     truth, weight = np.zeros((len(pairs), 2), np.float32), np.full(len(pairs), OTHERS, np.float32)
     for k, (category, part) in enumerate(pairs):
@@ -143,11 +150,11 @@ def _pair_targets(one: PartLessons, n: int, pairs: Sequence[tuple[str, str]]) ->
     return truth, weight
 
 
-def model_card(lessons: Sequence[PartLessons], state: TrainingState) -> str:
-    """The whole card, Markdown."""
+def model_card(samples: Sequence[PartLessons], state: TrainingState) -> str:
+    """Write the model card in Markdown."""
     found = {point.name: point.value for point in state.points if point.step == state.best_step}
-    counts = Counter(one.split for one in lessons)
-    kinds = ", ".join(sorted({one.category.replace("_", " ") for one in lessons}))
+    counts = Counter(one.split for one in samples)
+    kinds = ", ".join(sorted({one.category.replace("_", " ") for one in samples}))
     return f"""# Scorer of parts
 
 Learned from {counts["train"]} procedural objects, judged by {counts["val"]} of the same categories in other shapes: {kinds}.

@@ -1,4 +1,4 @@
-"""Question: what is a mesh of one colour made of?"""
+"""Interface of texturing: give a mesh of one colour materials that show its parts."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class Procedural:
     """Parameters of `procedural`."""
 
     regions: int = 3
-    """materials at most, 1..8"""
+    """largest number of materials, 1..8"""
     side_px: int = 512
     """side of the texture, a power of two"""
     seed: int = 0
@@ -27,17 +27,12 @@ class Procedural:
 
 
 class Texture(Protocol[Own]):
-    """What every backend of this folder looks like."""
+    """Backend of mesh_texture."""
 
     def __call__(self, mesh: ObjectMesh, params: Own) -> ObjectMesh:
-        """The mesh with another texture and other texture coordinates; vertices, faces and names stay as they are.
+        """Return the mesh with another texture and other texture coordinates; vertices, faces and names stay.
 
-        The mesh has one colour. `params` are those of this backend. Pure and deterministic; the input is not modified. It never
-        sees part labels.
+        The mesh has one colour. `params` are those of this backend. Pure and deterministic; the input is not modified. Part labels
+        are not an input.
         """
         ...
-
-
-def keep(mesh: ObjectMesh, params: None) -> ObjectMesh:
-    """The mesh itself."""
-    return mesh

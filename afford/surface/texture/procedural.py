@@ -1,4 +1,8 @@
-"""A material for each region of the surface, found by its shape: thin things look like metal, thick ones like handles."""
+"""Procedural materials by shape: thin regions of the surface look like metal, thick ones like handles.
+
+Materials are functions of 3-D position, so that they continue across texture seams. Points are (n, 3) in metres; the first axis is
+the long axis of the object, along which wood grows and metal is brushed.
+"""
 
 from __future__ import annotations
 
@@ -17,13 +21,13 @@ METAL, WOOD, RUBBER, PLASTIC, CERAMIC = range(5)
 
 
 def material_colours(kind: int, points: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """(n, 3) uint8 sRGB of a material at places."""
+    """Compute the colours (n, 3) uint8 sRGB of a material at points."""
     rgb = (_metal, _wood, _rubber, _plastic, _ceramic)[kind](points, rng)
     return np.clip(rgb + rng.normal(0, 1.5, (len(points), 1)), 0, 255).astype(np.uint8)
 
 
 def wave_noise(points: np.ndarray, rng: np.random.Generator, scale_m: float) -> np.ndarray:
-    """(n,) smooth noise, mean 0, about -1..1, with features of `scale_m` and finer: waves of random directions."""
+    """Smooth noise (n,) from random plane waves, mean 0, about -1..1, with features of `scale_m` and finer."""
     out = np.zeros(len(points))
     for octave in range(3):
         k = rng.normal(size=(WAVES, 3)) * 2**octave / scale_m
@@ -61,12 +65,14 @@ def _ceramic(points: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
 THIN = METAL
 DARK = (WOOD, RUBBER, PLASTIC)
-"""what stands out against metal"""
+"""materials that contrast with metal"""
 
 
 def paint_regions(vertices: np.ndarray, faces: np.ndarray, most: int, side: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Coordinates (f, 3, 2) float32 and image (side, side, 3) uint8 for (v, 3) vertices in metres and (f, 3) faces, with at most
-    `most` materials. The thinnest of several regions looks like metal, the others like what `seed` draws.
+    """Texture (v, 3) vertices in metres and (f, 3) faces with at most `most` materials.
+
+    Returns coordinates (f, 3, 2) float32 and an image (side, side, 3) uint8. The thinnest of several regions is metal; `seed`
+    selects the other materials.
     """
     region, _ = shape_regions(vertices, faces, most)
     kinds = _kinds(int(region.max()) + 1, np.random.default_rng(seed))
@@ -85,13 +91,18 @@ def paint_regions(vertices: np.ndarray, faces: np.ndarray, most: int, side: int,
 
 
 def _kinds(count: int, rng: np.random.Generator) -> list[int]:
-    """A material for each region, thinnest first; no two the same as long as there are enough."""
+    """Choose a material for each region, thinnest first; materials repeat only when there are too few."""
     dark = [int(kind) for kind in rng.permutation(DARK)]
     chosen = [THIN, *dark, CERAMIC] if count > 1 else [*dark, CERAMIC]
     return [chosen[k % len(chosen)] for k in range(count)]
 
 
 def texture(mesh: ObjectMesh, params: Procedural) -> ObjectMesh:
-    """The mesh with materials."""
+    """Return the mesh with procedural materials (`Texture`)."""
     uv, image = paint_regions(mesh.vertices, mesh.faces, params.regions, params.side_px, params.seed)
     return replace(mesh, uv=uv, texture=image)
+
+
+def keep(mesh: ObjectMesh, params: None) -> ObjectMesh:
+    """Return the mesh itself (`Texture`)."""
+    return mesh

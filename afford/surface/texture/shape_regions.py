@@ -1,8 +1,8 @@
-"""A surface divided into a few regions by its shape alone.
+"""Segment a surface into a few regions by shape alone.
 
-What a face is known by: how thick the body is beneath it (shape diameter, Shapira et al. 2008), how far along the main axis
-and how far from it it lies, and how curved the surface is. These are smoothed over neighbouring faces, less across sharp
-creases, and clustered; clusters that are alike become one, and small patches go to the neighbour with the longest border.
+Features of a face are thickness (shape diameter, Shapira et al. 2008), position along the main axis, distance from it, and
+curvature. They are smoothed over neighbouring faces, less across sharp creases, and clustered by k-means. Similar clusters are
+merged, and small patches join the neighbour with the longest border.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from afford.surface.meshes.net import area_normals, connected_labels, directed_e
 CONE_DEG, RAYS = 25.0, 6
 CREASE_DEG = 35.0
 SMOOTHING = 24
-"""passes over the neighbours"""
+"""smoothing passes"""
 ALIKE = 0.4
-"""clusters whose features are nearer than this are one"""
+"""distance of features below which clusters are merged"""
 PATCH = 0.03
-"""share of the surface below which a patch is no region of its own"""
+"""share of the surface below which a patch joins a neighbour"""
 ROUNDS = 40
 
 
 def main_axis(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Middle (3,) of a surface and its three axes (3, 3), one a row, the longest first."""
+    """Compute the centroid (3,) of a surface and its principal axes (3, 3), one per row, the longest first."""
     weight = np.linalg.norm(area_normals(vertices, faces), axis=1)
     points = vertices[faces].mean(axis=1)
     middle = np.average(points, axis=0, weights=weight)
@@ -37,7 +37,7 @@ def main_axis(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.n
 
 
 def thickness(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """(f,) how far a ray into the body goes, the median over a narrow cone; the diagonal where none meets anything."""
+    """Compute the shape diameter (f,): the median length of a cone of inward rays, the diagonal without a hit."""
     size = float(np.linalg.norm(np.ptp(vertices, axis=0)))
     body = Trimesh((vertices - vertices.min(axis=0)) / size, faces, process=False)
     normals = area_normals(np.asarray(body.vertices), faces)
@@ -58,7 +58,7 @@ def thickness(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 def neighbours(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Pairs of faces (n, 2) that share an edge, its length (n,) and the angle between them (n,) in radians."""
+    """Return pairs of faces (n, 2) with a common edge, its length (n,) and their angle (n,) in radians."""
     pairs, _ = shared_edges(faces)
     edge = directed_edges(faces)[pairs[:, 0]]
     length = np.linalg.norm(vertices[edge[:, 0]] - vertices[edge[:, 1]], axis=1)
@@ -69,7 +69,10 @@ def neighbours(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.
 
 
 def shape_regions(vertices: np.ndarray, faces: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
-    """(f,) region of each face, and the mean thickness (r,) of each region in metres, thinnest first; at most `most` regions."""
+    """Segment into at most `most` regions.
+
+    Returns the region (f,) of each face and the mean thickness (r,) of each region in metres, thinnest first.
+    """
     vertices = np.asarray(vertices, np.float64)
     faces = np.asarray(faces, np.int64)
     area = np.linalg.norm(area_normals(vertices, faces), axis=1) / 2
@@ -87,13 +90,13 @@ def shape_regions(vertices: np.ndarray, faces: np.ndarray, most: int) -> tuple[n
 
 
 def _bend(pairs: np.ndarray, length: np.ndarray, angle: np.ndarray, area: np.ndarray) -> np.ndarray:
-    """(f,) mean curvature of each face, 1/m."""
+    """Compute the mean curvature (f,) of each face, 1/m."""
     both = np.concatenate([pairs[:, 0], pairs[:, 1]])
     return np.bincount(both, np.tile(length * angle, 2), len(area)) / (4 * np.maximum(area, 1e-12))
 
 
 def _mixer(count: int, pairs: np.ndarray, weight: np.ndarray, area: np.ndarray) -> csr_array:
-    """(f, f) matrix that averages faces with their neighbours."""
+    """Build the (f, f) matrix that averages each face with its neighbours."""
     own = np.sqrt(np.maximum(area, 1e-14))
     rows, columns = np.concatenate([pairs, pairs[:, ::-1]]).T
     graph = coo_array((np.tile(weight, 2), (rows, columns)), shape=(count, count)).tocsr() + diags_array(own)
@@ -101,7 +104,7 @@ def _mixer(count: int, pairs: np.ndarray, weight: np.ndarray, area: np.ndarray) 
 
 
 def _features(vertices: np.ndarray, faces: np.ndarray, area: np.ndarray, thick: np.ndarray, bend: np.ndarray) -> np.ndarray:
-    """(f, 4) thickness, place along the axis, distance from it, curvature; one unit is a clear difference."""
+    """Compute (f, 4) thickness, position along the axis, distance from it, curvature, in comparable units."""
     middle, axes = main_axis(vertices, faces)
     local = (vertices[faces].mean(axis=1) - middle) @ axes.T
     size = float(np.linalg.norm(np.ptp(vertices, axis=0)))
@@ -111,7 +114,7 @@ def _features(vertices: np.ndarray, faces: np.ndarray, area: np.ndarray, thick: 
 
 
 def _calm(features: np.ndarray, area: np.ndarray) -> np.ndarray:
-    """Features without outliers: held between what 2 % and 98 % of the surface have."""
+    """Clip features to their 2 % and 98 % quantiles by area."""
     out = features.copy()
     for column in out.T:
         order = np.argsort(column, kind="stable")
@@ -122,7 +125,7 @@ def _calm(features: np.ndarray, area: np.ndarray) -> np.ndarray:
 
 
 def _cluster(features: np.ndarray, area: np.ndarray, most: int) -> np.ndarray:
-    """(f,) labels by area-weighted k-means, begun with the places farthest apart; alike clusters are joined."""
+    """Cluster by area-weighted k-means (f,), initialised with distant features; similar clusters are merged."""
     centres = np.average(features, axis=0, weights=area)[None]
     for _ in range(most + 1):
         centres = np.concatenate([centres, features[_distance(features, centres).min(axis=1).argmax()][None]])
@@ -151,7 +154,7 @@ def _distance(features: np.ndarray, centres: np.ndarray) -> np.ndarray:
 
 
 def _patched(label: np.ndarray, pairs: np.ndarray, length: np.ndarray, area: np.ndarray, middles: np.ndarray) -> np.ndarray:
-    """Labels from 0 without gaps, small patches given to the neighbour with the longest border, loose ones to the nearest."""
+    """Relabel small patches by the neighbour with the longest border, loose ones by the nearest face."""
     label = label.copy()
     body = connected_labels(len(label), pairs)
     loose = np.bincount(body, area)[body] < PATCH * area.sum()

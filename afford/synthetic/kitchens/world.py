@@ -109,13 +109,23 @@ def elbow(side: str, palm: np.ndarray) -> np.ndarray:
 
 def build_world(spec: SceneSpec) -> World:
     """Build the world of a spec, deterministically. Raises ValueError for an unknown script or setting."""
-    rng = np.random.default_rng([spec.seed, zlib.crc32(f"{spec.setting}/{spec.script}".encode())])
-    act = script(spec.script)
+    rng = random_stream(spec)
+    return _furnish(spec, build_animation(spec, rng), rng)
+
+
+def random_stream(spec: SceneSpec) -> np.random.Generator:
+    """Return the random generator of a spec."""
+    return np.random.default_rng([spec.seed, zlib.crc32(f"{spec.setting}/{spec.script}".encode())])
+
+
+def build_animation(spec: SceneSpec, rng: np.random.Generator) -> Animation:
+    """Run the script of a spec. Raises ValueError for an unknown script."""
+    run = script(spec.script)
     style = PARALLAX if spec.script in STRONG_PARALLAX else CALM
     head = Head(rng, style, EYE + rng.uniform(-0.03, 0.03, 3), DURATION)
     animation = Animation(head, {side: ArmMotion(side, palm_frame(HOMES[side], (0, 0, -1), (0, 1, 0))) for side in SIDES})
-    act(SceneBuilder(rng, animation, spec.setting, spec.key_gap * DURATION / spec.frames))
-    return _furnish(spec, animation, rng)
+    run(SceneBuilder(rng, animation, spec.setting, spec.key_gap * DURATION / spec.frames))
+    return animation
 
 
 def _furnish(spec: SceneSpec, animation: Animation, rng: np.random.Generator) -> World:

@@ -1,0 +1,275 @@
+"""What every target publishes, and where: names and places that people and scripts rely on."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from commands.origin import origin
+from commands.outputs import Publisher, collect_metrics, partial_outputs, publish_outputs, stage_costs
+from commands.session import open_runner
+from maps.everything import CHAIN
+from maps.settings import Origin, Settings
+from pipeline import TARGETS, build
+from runner import Failure, Graph, GraphError, Runner, RunReport
+from runner.graph import Cost
+from tests.helpers.command import KEYS, Made
+from tests.helpers.made_files import artifact, content
+from tests.helpers.tiny_source import VIDEOS, media
+
+REPORT = {"report": "reports/{source}"}
+FILMS = {"films": "recordings/{source}/grasps", "prior": "models/{source}-prior", "teacher": "models/{source}-teacher"}
+STATIC = ("static_sor3d", "static_boxes", "static_true_boxes")
+GRASPING = ("motion_synthesise", "hand_imitation", "rl_grasp_refinement")
+RECORDED: dict[str, tuple[str, ...]] = {
+    "dataset": ("{clip}", "dataset_pack"), "train": ("model_train",), "benchmark": ("benchmark",), "ablation": ("ablation_report",),
+    "hands": ("hands_train",), "negative-affordance": ("{clip}", "negative_affordance_report", "scorer_train"),
+    "motions": ("motion_files", "motion_read"), "grasp": ("grasp_report", *GRASPING),
+    "grasp-full": ("grasp_report", *GRASPING, "grasp_student"), "interactions": (),
+    "sor3d": ("sor3d_train", "sor3d_report"), "sor3d-ablation": ("sor3d_report",),
+    "static-sets": (*STATIC, "static_report", "boxes_train"), "extraction-report": ("extraction_report",),
+    "recordings": ("{clip}",), "scenes": (), "train-set": ("train_pack",), "benchmark-set": ()}  # fmt: skip
+"""target -> files of recordings/{source}"""
+PLACES: dict[str, dict[str, str]] = {
+    "dataset": {"dataset": "datasets/{source}"}, "train": {"model": "models/{source}"}, "benchmark": REPORT, "ablation": REPORT,
+    "hands": {}, "negative-affordance": {**REPORT, "negative": "negative/{source}/{clip}"},
+    "motions": {"report": "motions/{source}"}, "grasp": {**REPORT, **FILMS},
+    "grasp-full": {**REPORT, **FILMS, "student": "models/{source}-student"}, "interactions": {},
+    "sor3d": {**REPORT, "model": "models/{source}", "films": "recordings/{source}/interactions"}, "sor3d-ablation": REPORT,
+    "static-sets": {name: f"reports/{{source}}/{name}" for name in (*STATIC, "static_report")}, "extraction-report": REPORT,
+    "recordings": {}, "scenes": {"scenes": "scenes/{source}/{clip}/files"}, "train-set": {"dataset": "datasets/{source}"},
+    "benchmark-set": {"benchmark": "benchmarks/{source}"}}  # fmt: skip
+"""target -> output in the summary -> its place"""
+FIGURES = {"benchmark": {"ms_per_image"}, "extraction-report": {"cpu_s_per_frame"}, "negative-affordance": {"cpu_s_per_object"},
+           "grasp": {"control_steps_per_s", "mujoco.control_steps_per_s"},
+           "grasp-full": {"control_steps_per_s", "mujoco.control_steps_per_s"}}  # fmt: skip
+"""target -> figures of what stages cost"""
+MEASURED = {**{name: {""} for name, places in PLACES.items() if "report" in places}, "static-sets": {f"{name}." for name in STATIC}}
+"""target -> what stands before the figures of a report"""
+
+
+def usual(target: str) -> Graph:
+    """The graph of a target without a source."""
+    return build(target, origin(target, None, Settings(), lambda path: "")[0], Settings())
+
+
+def places(graph: Graph) -> set[tuple[str, str]]:
+    return {(one.name, one.place) for one in graph.published}
+
+
+@pytest.mark.parametrize("target", PLACES)
+def test_a_target_publishes_what_it_always_has_and_where(target: str) -> None:
+    """Outputs by name, recordings of clips and of the whole run."""
+    wanted = {*PLACES[target].items(), *(("recordings", f"recordings/{{source}}/{name}.mcap") for name in RECORDED[target])}
+    wanted |= {("scenes", "scenes/{source}/{clip}/truth")} if target == "scenes" else set()
+    graph = usual(target)
+    assert places(graph) == wanted
+    assert {one.name for one in graph.costs} == FIGURES.get(target, set())
+    assert {one.under for one in graph.measured} == MEASURED.get(target, set())
+    made = {node.id for node in graph.upstream(graph.node_of(handle) for handle in graph.targets[target])}
+    assert {one.node for one in graph.published} | {one.node for one in graph.measured} <= made
+
+
+def test_every_target_is_in_the_table() -> None:
+    assert {*PLACES, "all"} == TARGETS.keys()
+
+
+# -- all of them together ----------------------------------------------------------------------------------------------
+
+
+def computed(graph: Graph) -> set[Any]:
+    """What a graph computes: every stage as function, parameters and what is computed before it."""
+    seen: dict[int, Any] = {}
+    for node in graph.nodes:
+        seen[node.id] = (node.sort, repr(node.value), repr(node.params), tuple((name, seen[at]) for name, at in node.inputs))
+    return {hash(seen[node.id]) for node in graph.stages()}
+
+
+def test_all_has_every_stage_of_its_targets_once() -> None:
+    """What several targets share is one node; no name is there twice; and no target makes anything else than it does alone."""
+    together, alone = usual("all"), {name: usual(name) for name in CHAIN}
+    names = [node.name for node in together.stages()]
+    assert len(names) == len(set(names))
+    assert len(computed(together)) == len(names) == len(set().union(*map(computed, alone.values())))
+    assert computed(together) == set().union(*map(computed, alone.values()))
+    assert sum(len(graph.stages()) for graph in alone.values()) > len(names)
+    assert {(one.part, one.name, one.place) for one in together.published} == {
+        (name, one.name, one.place) for name, graph in alone.items() for one in graph.published}
+
+
+def test_parts_of_all_lie_where_their_targets_put_them() -> None:
+    """Each has the name of what it is made of; names in the summary begin with the target."""
+    place = origin("all", None, Settings(), lambda path: "")[0]
+    assert {name: place.of(name).name for name in CHAIN} == {
+        name: origin(name, None, Settings(), lambda path: "")[0].name for name in CHAIN}
+
+
+# -- labels ------------------------------------------------------------------------------------------------------------
+
+
+def test_a_label_computes_nothing() -> None:
+    """A graph with labels has the nodes of one without; what is published is the value that was made."""
+    g, h = Graph(), Graph()
+    g.leaf("made", "word")
+    made = h.leaf("made", "word")
+    assert h.publish(made, "made/{source}", as_="made") is made and h.measure(made) is made
+    h.cost("cpu_s", [made], (made, "words"))
+    assert g.nodes == h.nodes and not g.published
+
+
+def test_only_values_of_the_graph_are_published() -> None:
+    with pytest.raises(GraphError, match="expected a handle of this graph, got str"):
+        Graph().publish("word", "words", as_="word")
+
+
+def test_every_kind_of_place(tmp_path: Path) -> None:
+    """One folder, a folder for each clip, one file, a file for each clip; nothing where nothing was made."""
+    runner, g = open_runner(tmp_path / "store", jobs=0), Graph()
+    whole = artifact(runner, tmp_path / "whole", **{"metrics.json": '{"iou": 0.5}', "x": "x"})
+    film = artifact(runner, tmp_path / "film", x="x")
+    kinds = {"report": "reports/{source}", "negative": "negative/{source}/{clip}", "film": "films/{source}/all.mcap",
+             "films": "films/{source}/{clip}.mcap", "none": "none/{source}"}  # fmt: skip
+    handles = {name: g.publish(g.leaf(name, name), place, as_=name) for name, place in kinds.items()}
+    g.measure(handles["report"], under="x.")
+    report = RunReport("t", outputs={"report": [("", whole)], "negative": [("a/b", whole), ("a/c", whole)], "film": [("", film)],
+                                     "films": [("a/b", film), ("a/c", film)]})  # fmt: skip
+    to, store = Publisher(runner), tmp_path / "store"
+    assert publish_outputs(to, g, report, Origin("mine"), True) == {
+        "report": str(store / "reports" / "mine"), "negative": str(store / "negative" / "mine"),
+        "film": str(store / "films" / "mine"), "films": str(store / "films" / "mine")}  # fmt: skip
+    assert {path.name for path in (store / "films" / "mine").glob("*.mcap")} == {"all.mcap", "b.mcap", "c.mcap"}
+    assert {path.name for path in (store / "negative" / "mine").iterdir()} == {"b", "c"}
+    assert json.loads((store / "reports" / "mine" / "metrics.json").read_text()) == {"iou": 0.5}
+    assert collect_metrics(to, g, report) == {"x.iou": 0.5}
+    report.outputs["films"] = [("a/b", film)]
+    publish_outputs(to, g, report, Origin("mine"), False)
+    assert (store / "films" / "mine" / "c.mcap").exists()
+    publish_outputs(to, g, report, Origin("mine"), True)
+    assert not (store / "films" / "mine" / "c.mcap").exists() and (store / "films" / "mine" / "all.mcap").exists()
+
+
+def test_costs_are_counted_in_what_was_measured() -> None:
+    """Of the shards that were scored; each stage alone and all together; nothing where nothing was spent or measured."""
+    report = RunReport("t", cpu_s={("read", "a"): 1.0, ("read", "b"): 2.0, ("look", "a"): 3.0, ("score", "a"): 9.0})
+    cost = Cost("cpu_s", ("read", "look"), 0, "objects", "score", 1.0, each=True, rate=False)
+    assert stage_costs(cost, report, {"objects": 2.0}) == {"cpu_s.read": 0.5, "cpu_s.look": 1.5, "cpu_s": 2.0}
+    assert stage_costs(Cost("ms", ("read",), 0, "objects", None, 1000.0, False, False), report, {"objects": 2.0}) == {"ms": 1500.0}
+    assert stage_costs(cost, RunReport("t"), {"objects": 2.0}) == stage_costs(cost, report, {}) == {}
+
+
+WHOLE = json.dumps({"videos": 5, "splits": {"train": 287, "val": 69}})
+FEWER = [{"videos": 4, "splits": {"train": 287, "val": 69}}, {"videos": 5, "splits": {"train": 287}}]
+
+
+@pytest.fixture
+def mine(made: Made, tmp_path: Path) -> Made:
+    return made.copy(tmp_path)
+
+
+@pytest.fixture
+def runner(tmp_path: Path) -> Runner:
+    return open_runner(tmp_path / "store", jobs=0)
+
+
+@pytest.fixture
+def whole(runner: Runner, tmp_path: Path) -> Path:
+    """A published data set of five videos and two splits."""
+    folder = runner.store.root / "datasets" / "set"
+    digest = artifact(runner, tmp_path / "whole", **{"statistics.json": WHOLE})
+    assert Publisher(runner).folder("dataset_pack", digest, folder) == str(folder)
+    return folder
+
+
+# -- from the command line ---------------------------------------------------------------------------------------------
+
+
+def test_a_run_of_some_clips_leaves_the_whole_data_set(mine: Made) -> None:
+    """It is published as a part, which one line says; a whole run says nothing of the kind."""
+    data = mine.store / "datasets" / mine.source.name
+    part, before = data.with_name(f"{data.name}-part"), content(data)
+    said = mine.run("dataset", "--clip", VIDEOS[0])
+    assert said.code == 0 and content(data) == before
+    assert said.json["outputs"]["dataset"] == str(part) and json.loads(content(part)["statistics.json"])["videos"] == 1
+    assert len(said.json["notes"]) == 1 and said.json["notes"][0] in said.words and f"made of {VIDEOS[0]} alone" in said.words
+    assert (mine.store / "recordings" / mine.source.name / "dataset_pack-part.mcap").exists()
+    again = mine.run("dataset").json
+    assert again.keys() == KEYS and again["outputs"]["dataset"] == str(data) and content(data) == before
+
+
+def test_a_part_takes_the_place_of_the_whole_when_that_is_asked_for(mine: Made) -> None:
+    """From then on it is the whole: to publish the same again changes nothing."""
+    data = mine.store / "datasets" / mine.source.name
+    for more in (["--replace"], []):
+        said = mine.run("dataset", "--clip", VIDEOS[0], *more).json
+        assert said["outputs"]["dataset"] == str(data) and "notes" not in said
+        assert json.loads(content(data)["statistics.json"])["videos"] == 1 and not data.with_name(f"{data.name}-part").exists()
+
+
+def test_a_run_without_the_clips_that_failed_is_a_part(mine: Made) -> None:
+    """Of a video that the reader refuses, too, and also where there is no whole one yet."""
+    media(mine.source, VIDEOS[0]).write_bytes(b"")
+    data = mine.store / "datasets" / mine.source.name
+    for name in sorted(path for path in data.rglob("*") if path.is_file()):
+        name.unlink()
+    said = mine.run("dataset")
+    assert said.code == 1 and said.json["outputs"]["dataset"] == f"{data}-part"
+    assert "1 of the tasks behind it failed" in said.words
+
+
+# -- what is a part ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("fewer", FEWER, ids=["videos", "splits"])
+def test_a_data_set_of_less_stands_beside_the_one_of_more(
+    fewer: dict[str, object], runner: Runner, whole: Path, tmp_path: Path,
+) -> None:
+    """Whatever the run was; one of as much takes its place."""
+    digest = artifact(runner, tmp_path / "fewer", **{"statistics.json": json.dumps(fewer)})
+    to = Publisher(runner)
+    assert to.folder("dataset_pack", digest, whole) == f"{whole}-part" and content(whole) == {"statistics.json": WHOLE.encode()}
+    assert len(to.notes) == 1 and "--replace" in to.notes[0]
+    record = artifact(runner, tmp_path / "mcap", x="x")
+    assert to.file("record_dataset_pack", record, whole / "x.mcap") == str(whole / "x-part.mcap")
+    assert Publisher(runner, replace=True).folder("dataset_pack", digest, whole) == str(whole)
+    back = artifact(runner, tmp_path / "back", **{"statistics.json": WHOLE + "\n"})
+    assert Publisher(runner).folder("dataset_pack", back, whole) == str(whole)
+
+
+@pytest.mark.parametrize("there", ["{", "[]", '{"videos": "many", "splits": 3}'])
+def test_what_cannot_be_read_is_replaced(there: str, runner: Runner, whole: Path, tmp_path: Path) -> None:
+    """Nothing is known to be lost."""
+    (whole / "statistics.json").unlink()
+    (whole / "statistics.json").write_text(there)
+    digest = artifact(runner, tmp_path / "fewer", **{"statistics.json": json.dumps(FEWER[0])})
+    assert Publisher(runner).folder("dataset_pack", digest, whole) == str(whole)
+
+
+def test_a_table_that_is_not_finished_grows_and_never_shrinks(runner: Runner, tmp_path: Path) -> None:
+    """Of a run that ends after some time."""
+    reports = runner.store.root / "reports" / "table"
+    few, more = (artifact(runner, tmp_path / str(n), **{"metrics.json": json.dumps(dict.fromkeys(map(str, range(n)), 0.5))})
+                 for n in (1, 2))  # fmt: skip
+    for digest, name in ((few, "table"), (more, "table"), (few, "table-part"), (more, "table")):
+        assert Publisher(runner, unfinished=True).folder("sor3d_report", digest, reports) == str(reports.with_name(name))
+    assert Publisher(runner).folder("sor3d_report", few, reports) == str(reports)
+
+
+def test_outputs_that_stand_side_by_side_are_parts_together(runner: Runner, tmp_path: Path) -> None:
+    """As the columns of a comparison, one of which failed."""
+    folder, stages = tmp_path / "set-compare", ("report_flow", "report_nearest")
+    to = Publisher(runner, {"report_nearest": "1 of the tasks behind it failed"})
+    assert to.together(stages, folder) == tmp_path / "set-compare-part" and "set-compare-part is partial" in to.notes[0]
+    assert Publisher(runner, to.why, replace=True).together(stages, folder) == Publisher(runner).together(stages, folder) == folder
+
+
+def test_only_failures_that_feed_an_output_make_it_a_part() -> None:
+    """A recording that could not be written takes no sample away."""
+    g = build("dataset", Origin("some"), Settings())
+    for stage, is_part in (("frame_decode", True), ("dataset_pack", True), ("record_frame_decode", False)):
+        report = RunReport("some", failures=[Failure(stage, "", "no")], outputs={"dataset_pack": []})
+        assert bool(partial_outputs(g, report, (), 0)) is is_part
+    report = RunReport("some", outputs={"dataset_pack": []})
+    assert partial_outputs(g, report, ("P96_01",), 0) == {"dataset_pack": "made from P96_01 alone"}

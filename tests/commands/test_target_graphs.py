@@ -1,0 +1,159 @@
+"""A stage is called by its name on a map, or by that of its file, whatever target has it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from commands.only import recorders
+from commands.origin import origin
+from commands.target_graphs import first_target_with, names_in_graph, resolve_target, track_reads
+from maps.settings import SYSTEM_OF, Settings
+from pipeline import TARGETS, build
+from tests.commands.test_outputs import usual
+from tests.helpers.command import RECORDED, Made, call
+from tests.helpers.tiny_source import VIDEOS
+
+CARD = {"frame_decode": "dataset", "mask_densify": "dataset", "hand_inpaint": "dataset", "object_completion": "dataset",
+        "affordance_intersect": "dataset", "narration_labelling": "dataset", "dataset_pack": "dataset",
+        "negative_affordance_projection": "negative-affordance", "rl_grasp_refinement": "grasp"}  # fmt: skip
+"""the nine stages of the card -> the target that is chosen"""
+CALLED = {"rl_grasp_refinement": {"teacher_0", "no_negative_0"}}
+"""names on the map where they are others"""
+
+
+@pytest.mark.parametrize("stage", CARD)
+def test_a_plan_of_one_stage_names_it_and_what_it_needs(stage: str, tmp_path: Path) -> None:
+    """No target is named; the store is empty: the stage comes last, before it what was never made."""
+    said = call("run", "--only", stage.replace("_", "-"), "--dry-run", "--store", tmp_path, "--json")
+    assert said.code == 0 and said.json["target"] == CARD[stage]
+    planned = {task["stage"] for task in said.json["tasks"]}
+    graph = usual(CARD[stage])
+    nodes = [node for node in graph.stages() if node.name in CALLED.get(stage, {stage})]
+    assert {node.name for node in nodes} == CALLED.get(stage, {stage}) <= planned
+    needed = {node.name for node in graph.upstream(nodes) if node.sort == "stage"}
+    assert needed <= planned and planned - needed == {one.name for node in nodes for one in recorders(graph, node)}
+
+
+@pytest.mark.parametrize("stage", CARD)
+def test_every_stage_of_the_card_is_explained(stage: str, tmp_path: Path) -> None:
+    """`explain` and `status` find its target; `lineage` says how to make what was never made."""
+    call("run", "dataset", "--dry-run", "--store", tmp_path)
+    (tmp_path / "traces").mkdir(exist_ok=True)
+    said = call("explain", stage, "--store", tmp_path, "--json")
+    assert said.code == 0, said.err
+    assert said.json["target"] == CARD[stage]
+    assert {task["stage"] for task in said.json["tasks"]} == CALLED.get(stage, {stage})
+    counts = call("status", stage, "--store", tmp_path, "--json").json
+    assert (counts["target"], set(counts["stages"])) == (CARD[stage], CALLED.get(stage, {stage}))
+    never = call("lineage", stage, "--store", tmp_path)
+    assert never.code == 2 and f"run --only {stage}" in never.err and never.err.count("\n") == 1
+
+
+@pytest.mark.parametrize("words", [("run", "--only"), ("run", "--dry-run", "--only"), ("explain",), ("status",), ("lineage",)])
+def test_a_stage_that_there_is_not_is_refused_with_the_nearest_name(words: tuple[str, ...], made: Made) -> None:
+    """Exit 2 and one sentence."""
+    refused = call(*words, "mask_densfy", "--store", made.store)
+    assert refused.code == 2 and refused.err.count("\n") == 1 and "mask_densfy" in refused.err
+    assert "did you mean 'mask_densify'" in refused.err
+
+
+def test_names_on_a_map_come_before_those_of_files() -> None:
+    """A stage of the name; else all of the file; the first target that has it."""
+    assert [first_target_with(word) for word in ("hand_retarget", "motion_retarget", "grasp_evaluate", "train_pack")] == [
+        "grasp", "motions", "grasp", "train"]
+    assert names_in_graph("mask_densify", usual("extraction-report")) == ["mask_densify"]
+    assert names_in_graph("rl-grasp-refinement", usual("grasp")) == ["teacher_0", "no_negative_0"]
+    assert resolve_target(None) == "dataset" and resolve_target("negative_affordance") == "negative-affordance"
+
+
+def test_recordings_of_a_stage_are_its_own_or_those_that_show_it() -> None:
+    """A stage that reads its output and publishes a recording shows it; not what lies further down."""
+    graph = usual("negative-affordance")
+    node = {one.name: one for one in graph.stages()}
+    assert [one.name for one in recorders(graph, node["negative_affordance_projection"])] == ["object_record"]
+    assert [one.name for one in recorders(graph, node["scorer_train"])] == ["record_scorer_train"]
+    assert recorders(graph, node["lesson_masks"]) == []
+    data = usual("dataset")
+    for stage in RECORDED:
+        found = next(one for one in data.stages() if one.name == stage)
+        assert [one.name for one in recorders(data, found)] == [f"record_{stage}"]
+
+
+# -- runs --------------------------------------------------------------------------------------------------------------
+
+
+def test_a_stage_that_never_ran_brings_what_it_needs(made: Made, tmp_path: Path) -> None:
+    """On an empty store, without a target: what it needs is made, and it is recorded; a second time nothing runs."""
+    words = ("run", "--only", "narration_labelling", "--source", made.source, "--store", tmp_path, "--jobs", "0", "--json")
+    first, again = call(*words), call(*words)
+    assert first.code == again.code == 0
+    assert first.json["ran"] == dict.fromkeys(
+        ("source_read", "clip_footage", "frame_decode", "narration_labelling", "record_narration_labelling"), 2)
+    folder = tmp_path / "recordings" / made.source.name / "narration_labelling"
+    assert first.json["outputs"] == again.json["outputs"] == {"recordings": str(folder)} and str(folder) in first.err
+    assert {path.name for path in folder.iterdir()} == {f"{video}.mcap" for video in VIDEOS} and again.json["ran"] == {}
+
+
+def test_a_plan_of_one_stage_on_its_last_inputs_shows_that_stage(made: Made) -> None:
+    """And its recorder; what lies before it is not planned."""
+    said = made.ask("run", "--only", "mask_densify", "--dry-run", "--json", "--set", "mask_densify.radius=3").json["tasks"]
+    assert {(task["stage"], task["status"]) for task in said} == {("mask_densify", "run"), ("record_mask_densify", "pending")}
+
+
+def test_a_stage_of_another_source_is_not_run(made: Made, tmp_path: Path) -> None:
+    """What is stored of other videos does not count as what this source had last."""
+    from tests.helpers.tiny_source import write_source
+
+    mine = made.copy(tmp_path)
+    other = write_source(tmp_path / "other", ("P96_09",))
+    said = call("run", "--only", "frame_decode", "--source", other, "--store", mine.store, "--jobs", "0", "--no-record", "--json")
+    assert said.code == 0 and said.json["ran"] == {"source_read": 1, "clip_footage": 1, "frame_decode": 1}
+    assert "stale" not in said.words
+
+
+def test_lineage_of_a_stage_is_that_of_what_it_made_last(made: Made) -> None:
+    """By its name, or that of its file."""
+    told = made.ask("lineage", "mask-densify", source=False)
+    assert told.code == 0 and "mask_densify" in told.out.splitlines()[0] and "frame_decode" in told.out
+    assert "dataset_pack" in made.ask("lineage", "dataset_pack", source=False).out.splitlines()[0]
+
+
+@pytest.mark.parametrize(("words", "said"), [
+    (("explain", "model_train", "--target", "dataset"),
+     "dataset has no stage 'model_train'; it belongs to train, benchmark, ablation"),
+    (("explain", "model-train", "--target", "dataset"), "it belongs to train"),
+    (("explain", "rl_grasp_refinement", "--target", "dataset"), "it belongs to grasp (as teacher_0, "),
+    (("run", "dataset", "--only", "model_train"), "it belongs to train"),
+    (("run", "dataset", "--force", "model_train"), "it belongs to train"),
+    (("run", "dataset", "--dry-run", "--force", "model_train"), "it belongs to train"),
+    (("run", "dataset", "--set", "model_train.steps=5"),
+     "--set model_train.steps=5: dataset does not use model_train; it belongs to train, benchmark, ablation"),
+    (("run", "dataset", "--set", "model-train.steps=4500"), "dataset does not use model_train"),
+    (("run", "dataset", "--dry-run", "--set", "sor3d_train.steps=5"), "it belongs to sor3d, sor3d-ablation"),
+    (("status", "--set", "sor3d_train.steps=5"), "it belongs to sor3d"),
+    (("explain", "--set", "sor3d_train.steps=5"), "it belongs to sor3d"),
+    (("run", "dataset", "--set", "scene_render.seed=1"), "dataset does not use scene_render with this source; it belongs to "),
+])  # fmt: skip
+def test_what_belongs_to_other_targets_is_refused_with_their_names(words: tuple[str, ...], said: str, made: Made) -> None:
+    """Exit 2, one sentence, and nothing is run."""
+    before = made.traces
+    refused = call(*words, "--source", made.source, "--store", made.store)
+    assert refused.code == 2 and said in refused.words and refused.err.count("\n") == 1 and made.traces == before
+
+
+def test_a_file_of_parameters_may_have_those_of_other_targets(made: Made, tmp_path) -> None:  # type: ignore[no-untyped-def]
+    """One file for several targets."""
+    (tmp_path / "all.toml").write_text("[model_train]\nsteps = 5\n[mask_densify]\nradius = 3\n")
+    assert made.ask("explain", "--params", tmp_path / "all.toml").code == 0
+
+
+@pytest.mark.parametrize("target", TARGETS)
+def test_what_is_read_of_the_settings_is_found(target: str) -> None:
+    """Of every target: not all of them, and of each stage whose parameters are in the graph under its own name."""
+    chosen, read = track_reads(Settings())
+    graph = build(target, origin(target, None, chosen, lambda path: "")[0], chosen)
+    fields = {stage: Settings().params(stage) for stage in SYSTEM_OF}
+    own = {node.name for node in graph.stages() if node.name in fields and node.params is fields[node.name]}
+    assert own <= read and not fields.keys() <= read

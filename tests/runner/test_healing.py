@@ -1,0 +1,79 @@
+"""Inputs that turn out damaged when a task reads them: the producer runs again, then the task, through every form of edge."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+from toy import join, pair, shout, split
+from toy.values import Word
+from toy_project import Project
+
+from runner import Graph
+from tests.runner.test_crashes import flip
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Project:
+    return Project.make(tmp_path)
+
+
+def forms() -> Graph:
+    """Graph with a consumer at the end of each form of edge: direct, picked field, list, tuple of handles, element."""
+    g = Graph()
+    word = g.leaf("word", Word("w", "ab"))
+    parts = g.add(split.run, word=word, params=split.Params())
+    part = g.each(parts)
+    loud = g.add(shout.run, part=part, word=word, params=shout.Params())
+    both = g.add(pair.run, word=loud)
+    g.target("collect", g.named("join_collect").add(join.run, words=g.collect(loud)))  # type: ignore[call-arg]
+    g.target("straight", g.named("pair_again").add(pair.run, word=loud))
+    g.target("pick", g.named("shout_pick").add(shout.run, part=g.pick(both, lambda b: b.left), word=word, params=shout.Params()))
+    picked = g.collect(g.pick(both, lambda b: b.right))
+    g.target("pick_collect", g.named("join_picked").add(join.run, words=picked))  # type: ignore[call-arg]
+    first = g.named("shout_first").add(shout.run, part=word, word=word, params=shout.Params())
+    second = g.named("pair_first").add(pair.run, word=first)
+    halves = (g.pick(second, lambda b: b.left), g.pick(second, lambda b: b.right), first)
+    g.target("gather", g.named("join_gather").add(join.run, words=halves))  # type: ignore[call-arg]
+    g.target("each", loud)
+    return g
+
+
+CONSUMERS = {"collect": "join_collect", "straight": "pair_again", "pick": "shout_pick", "pick_collect": "join_picked",
+             "gather": "join_gather", "each": "shout"}  # fmt: skip
+
+
+@pytest.mark.parametrize("jobs", [0, 2])
+@pytest.mark.parametrize("form", CONSUMERS)
+def test_a_damaged_input_is_made_again_and_its_consumer_runs(form: str, jobs: int, project: Project) -> None:
+    """The cache reports every blob as valid, as after damage during a run; the outputs are still right."""
+    first = project.runner(jobs).run(forms(), form)
+    runner = project.runner(jobs)
+    runner.store._verified_blobs.same = lambda blob, path: os.stat(path).st_size > 0  # type: ignore[method-assign]
+    for path in sorted((project.store / "blobs").glob("??/*")):
+        flip(path)
+    report = runner.run(forms(), form, force=[CONSUMERS[form]])
+    assert report.ok and report.outputs == first.outputs and report.ran[CONSUMERS[form]] >= 1
+    loaded = [project.runner().load(digest) for made in report.outputs.values() for _, digest in made]
+    assert loaded and project.runner(jobs).run(forms(), form).outputs == first.outputs
+
+
+def test_a_list_whose_manifest_is_gone_is_listed_again(project: Project) -> None:
+    """The list has no producing stage, and is rebuilt from its elements."""
+    first = project.runner().run(forms(), "collect")
+    runner = project.runner()
+    trace = runner.traces.last("join_collect", "")
+    assert trace is not None
+    runner.store.find(trace.inputs["words"])
+    found, runner.store.renew = runner.store.find, lambda: None  # type: ignore[method-assign]
+    runner.store.path("manifests", trace.inputs["words"], ".json").unlink()
+    report = runner.run(forms(), "collect", force=["join_collect"])
+    assert report.ok and report.outputs == first.outputs and found(trace.inputs["words"]) is not None
+
+
+def test_a_missing_wanted_output_is_a_failure(project: Project, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No run succeeds without its output, whatever the cause."""
+    monkeypatch.setattr("runner.schedule.Schedule.needed", lambda *_: None)
+    report = project.runner().run(forms(), "gather")
+    assert not report.ok and {failure.stage for failure in report.failures} == {"join_gather"}
