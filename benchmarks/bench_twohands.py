@@ -22,7 +22,8 @@ METHODS = (("small", "small"), ("small_text_removed", "small, no prompt"),
 MEASURES = (("first_mode_iou", "first-mode IoU"), ("iou", "best-mode IoU"), ("precision", "precision"), ("map", "mAP"),
             ("hd_px", "Hausdorff px"), ("best_mode_iou", "IoU over modes"), ("taxonomy_accuracy", "taxonomy"))  # fmt: skip
 GROUPS = (("", "kitchens"), ("known.", "kitchens, object kinds of the training set"),
-          ("new.", "kitchens, object kinds and uses held out from training"), ("text_decides.", "all scenes, side given by the text"),
+          ("new.", "kitchens, object kinds and uses held out from training"),
+          ("text_decides.", "all scenes, side given by the text"),
           ("hands_from_image.", "all scenes, side not in the text"), ("shift.", "workshop and desk"))  # fmt: skip
 
 
@@ -70,7 +71,8 @@ def main() -> None:
         into(page, "training", SELF, f"`make train` took {trained['seconds'] / 60:.1f} minutes on this machine, {stills}.\n")
     found = make("benchmark", asked.store)
     into(page, "benchmark", SELF, benchmark_text(found["metrics"]))
-    into(readme, "twohands", SELF, f"One training (seed 0), {found['metrics']['small.cases']:.0f} cases:\n\n{table(found['metrics'], '')}")
+    cases = f"One training (seed 0), {found['metrics']['small.cases']:.0f} cases:"
+    into(readme, "twohands", SELF, f"{cases}\n\n{table(found['metrics'], '')}")
     sheet = Path(found["outputs"]["report"]) / "sheets" / "small_cropped.jpg"
     shutil.copyfile(sheet, ROOT / "docs" / "pictures" / "twohands.jpg")
     if asked.ablation:
