@@ -61,10 +61,10 @@ PAPER = Params(variant="paper", height_px=300, steps=96200, batch=2, lr=2e-5, wa
 def run(dataset: FileTree, params: Params, ctx: Context, recipe: Recipe | None = None, encoder: FileTree | None = None,
         weights: FileTree | None = None) -> Trained:  # fmt: skip
     """Train the model, from the `encoder` of a pre-training if there is one."""
-    from afford.models.weights import with_weights
+    from afford.models.weights import with_local_weights
     from afford.training.train import train_job
 
-    job = _job(with_weights(params, weights, "backbones"), recipe)
+    job = _job(with_local_weights(params, weights, "backbones"), recipe)
     if encoder is not None:
         job = job.starting_from(encoder)
     return train_job(job, dataset, recipe.name if recipe else "sor3d", ctx, THREADS, params.devices)

@@ -13,7 +13,7 @@ from safetensors.torch import load_file, save_file
 
 from afford.extraction.hands import Sam3
 from afford.extraction.hands.sam3 import PHRASES, find
-from afford.models.sam3 import load_model, see
+from afford.models.sam3 import concept_probabilities, load_model
 from afford.models.weights import weight_files
 from stages.extraction import hand_detect
 from stages.extraction.hand_detect import Params
@@ -49,9 +49,9 @@ def test_other_weights_other_answers_and_the_same_bytes_twice(model: Path, tmp_p
 def test_words_matter_and_so_does_the_threshold(model: Path) -> None:
     """Other phrases, other masks; where nothing is sure enough nothing is seen."""
     loaded = load_model(str(model))
-    said = see(loaded, pictures(1), PHRASES, 0.0)
+    said = concept_probabilities(loaded, pictures(1), PHRASES, 0.0)
     assert len({phrase.tobytes() for phrase in said}) == len(PHRASES)
-    assert not see(loaded, pictures(1), PHRASES, 1.0).any()
+    assert not concept_probabilities(loaded, pictures(1), PHRASES, 1.0).any()
     assert not find(pictures(1), replace(params(model), threshold=1.0))[..., 2].any()
 
 

@@ -17,7 +17,7 @@ from afford.codecs import CODEC
 from afford.extraction.complete.sam2 import complete
 from afford.extraction.tracks import BACKGROUND, UNKNOWN, Sam2
 from afford.extraction.tracks.sam2 import propagate
-from afford.models.sam2 import follow, full_size, load_model, session, track
+from afford.models.sam2 import full_size, load_model, session, track, track_frames
 from runner.store import Store
 from runner.traces import Traces
 from schemas.masks import Entity, Tracks
@@ -132,7 +132,7 @@ def test_logits_are_blended_by_nearness(model: Path) -> None:
     prompts[0][0, 5:25, 5:25], prompts[4][0, 20:40, 50:70] = True, True
     net = load_model(str(model))
     made = session(net, rgb, prompts, 8)
-    ways = [{seen.at: seen.logits for seen in follow(net, rgb, prompts, order, within=made)}
+    ways = [{seen.at: seen.logits for seen in track_frames(net, rgb, prompts, order, within=made)}
             for order in (range(5), range(4, -1, -1))]
     assert (ways[0][2] - ways[1][2]).abs().max() > 0
     labels = np.stack([prompts[0][0], prompts[4][0]]).astype(np.int16)
@@ -149,7 +149,7 @@ def test_memory_is_bounded(model: Path) -> None:
     net = load_model(str(model))
     made = session(net, rgb, prompts, 3)
     far = max(net.config.num_maskmem, net.config.max_object_pointers_in_encoder)
-    for seen in follow(net, rgb, prompts, range(24), within=made):
+    for seen in track_frames(net, rgb, prompts, range(24), within=made):
         kept = made.output_dict_per_obj[0]["non_cond_frame_outputs"]
         assert all(abs(seen.at - at) <= far for at in kept) and len(made.cache._vision_features) <= 3
     assert set(made.output_dict_per_obj[0]["cond_frame_outputs"]) == {0}

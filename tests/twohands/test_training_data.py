@@ -16,7 +16,7 @@ from afford.dataset.load import Dataset, Item
 from afford.training.sampler import BalancedSampler
 from afford.twohands.train import sample_cache
 from afford.twohands.train import samples as data
-from afford.twohands.train.augment import Augmentation, augment, centre, cropped, replace_nouns, whole
+from afford.twohands.train.augment import Augmentation, augment, benchmark_crop, mask_centre, replace_nouns, uncropped
 from afford.twohands.train.task import Batches, InputSize
 from afford.twohands.train.validation import THRESHOLDS, iou_and_precision
 from stages.extraction import dataset_pack
@@ -78,15 +78,15 @@ def test_any_folder_of_datasets(form: str, tmp_path: Path) -> None:
     assert data.splits(data.files_below(tmp_path)) == (["train", "val"] if form == "disk" else ["train"])
 
 
-def test_what_cannot_be_read_is_named(tmp_path: Path) -> None:
-    """No files, a missing column, a mask of another size, a picture that is none."""
+def test_unreadable_data_sets_are_refused(tmp_path: Path) -> None:
+    """No files, a missing column, a mask of another size, a damaged picture."""
     with pytest.raises(ValueError, match=r"expected \*.parquet or \*.arrow files"):
         data.splits(data.files_below(tmp_path))
     datasets.Dataset.from_dict({"image": ["x"], "narration": ["y"]}).to_parquet(tmp_path / "train.parquet")
     with pytest.raises(ValueError, match=r"train.parquet: expected the columns .* found no mask_left, mask_right"):
         list(data.read_items(data.files_below(tmp_path), "train"))
     good = {"bytes": b"no picture", "path": ""}
-    with pytest.raises(ValueError, match="open jar: expected image to be a JPEG or PNG, got 10 bytes that are none"):
+    with pytest.raises(ValueError, match="open jar: expected image to be a JPEG or PNG, got 10 other bytes"):
         data.item_of_row({"narration": "open jar", "image": good, "mask_left": good, "mask_right": good})
     with pytest.raises(ValueError, match="P1: expected image with the bytes of a picture"):
         data.item_of_row({"sample_id": "P1", "narration": "open jar", "image": {"bytes": None, "path": "a.jpg"}})
@@ -109,7 +109,7 @@ def parts(files: data.Files, division: data.Split) -> tuple[list[Item], list[Ite
 
 
 def test_the_cache_is_the_samples(packed: data.Files, tmp_path: Path) -> None:
-    """Nothing is lost at full size; a complete cache is not written again; larger samples are made smaller at the same aspect."""
+    """Samples survive at full size, a complete cache is kept, and larger samples are shrunk with their aspect ratio."""
     wanted = list(data.read_items(packed, "train"))
     sample_cache.write_cache(iter(wanted), tmp_path / "c", (64, 96))
     sample_cache.write_cache(iter([]), tmp_path / "c", (64, 96))
@@ -133,7 +133,7 @@ def test_order_is_a_function_of_seed_and_position() -> None:
 
 
 def test_balance_makes_classes_equal() -> None:
-    """With 1, half of the draws are of each of two classes, and the samples of a class share them; with 0.5, in between."""
+    """Balance 1 draws two classes equally often, with equal shares of their samples; 0.5 is in between."""
     labels = ["common"] * 90 + ["rare"] * 10
     share = {}
     for balance in (0.0, 0.5, 1.0):
@@ -161,7 +161,7 @@ def test_batches_are_a_function_of_their_number(packed: data.Files) -> None:
 
 
 def test_coarse_batches_come_first_and_lose_no_sample(packed: data.Files) -> None:
-    """Twice as many samples at half the size, then the rest of the same sequence; sizes that have no half are refused."""
+    """Coarse batches have twice as many samples at half the size, then the sequence continues; odd sizes are refused."""
     samples = list(data.read_items(packed, "train"))
     fine = Batches(samples, BalancedSampler([0] * len(samples), 0, 3), Augmentation(), InputSize((64, 96)), 4, 3)
     coarse = replace(fine, coarse=2)
@@ -172,8 +172,8 @@ def test_coarse_batches_come_first_and_lose_no_sample(packed: data.Files) -> Non
     assert np.array_equal(coarse(1).centre, np.concatenate([batch.centre for batch in wanted[2:4]]))
     areas = [coarse(0).masks.mean((2, 3)), np.concatenate([batch.masks.mean((2, 3)) for batch in wanted[:2]])]
     assert np.allclose(*areas, atol=0.01)
-    with pytest.raises(ValueError, match="expected multiples of 32 when some steps come at half the size"):
-        replace(coarse, boxes=InputSize((48, 96)))(0)
+    with pytest.raises(ValueError, match="expected multiples of 32 when some steps are at half the size"):
+        replace(coarse, input_size=InputSize((48, 96)))(0)
 
 
 def test_views_are_seeded_and_keep_picture_and_masks_together(packed: data.Files) -> None:
@@ -189,15 +189,15 @@ def test_views_are_seeded_and_keep_picture_and_masks_together(packed: data.Files
     mirrored = augment(samples[0], Augmentation(1, 0, colour_share=0, stretch_share=0, nameless_share=0), 1, 0).item
     assert mirrored.narration == "pick up the right mug with the left hand" and mirrored.taxonomy == 1
     assert np.array_equal(mirrored.masks[1], samples[0].masks[0, :, ::-1])
-    box = cropped(samples[0], Augmentation(margin=0)).item.masks[2:].any(0)
+    box = benchmark_crop(samples[0], Augmentation(margin=0)).item.masks[2:].any(0)
     assert box[0].any() and box[-1].any() and box[:, 0].any() and box[:, -1].any()
     nothing = replace(samples[0], masks=np.zeros_like(samples[0].masks))
-    found = cropped(nothing, Augmentation())
+    found = benchmark_crop(nothing, Augmentation())
     assert found.item.image.shape == nothing.image.shape and np.isnan(found.centre).all()
 
 
-def test_stretched_views_stay_whole(packed: data.Files) -> None:
-    """As high, wider or narrower by at most the factors, with the same share of every mask."""
+def test_change_width_keeps_height_and_shares(packed: data.Files) -> None:
+    """The width changes by at most the factors; height and the share of each mask are kept."""
     item = next(iter(data.read_items(packed, "train")))
     for n in range(8):
         widened = Augmentation(0, 0, stretch_share=1, stretch_range=(0.5, 2.0), nameless_share=0, colour_share=0)
@@ -209,16 +209,16 @@ def test_stretched_views_stay_whole(packed: data.Files) -> None:
 
 def test_a_view_knows_where_it_is_in_the_picture(packed: data.Files) -> None:
     """The centre is that of the objects in the whole picture, cropped or not, and is mirrored with it."""
-    assert centre(np.array([[False, False, True, True]])).tolist() == [0.5, 0.0]
+    assert mask_centre(np.array([[False, False, True, True]])).tolist() == [0.5, 0.0]
     for n, item in enumerate(data.read_items(packed, "train")):
-        wanted = whole(item).centre
-        assert np.array_equal(cropped(item, Augmentation()).centre, wanted)
+        wanted = uncropped(item).centre
+        assert np.array_equal(benchmark_crop(item, Augmentation()).centre, wanted)
         mirrored = augment(item, Augmentation(flip_share=1), 1, n).centre
         assert np.allclose(mirrored, wanted * [-1, 1], atol=1e-6) and np.abs(wanted).max() <= 1
 
 
-def test_what_has_no_name_is_cropped(packed: data.Files) -> None:
-    """Every name of a thing becomes a word of its own, all other words stay, and only its surroundings are shown."""
+def test_samples_with_replaced_nouns_are_cropped(packed: data.Files) -> None:
+    """Each noun becomes its own random word, other words are kept, and the sample is cropped."""
     item = replace(next(iter(data.read_items(packed, "train"))), narration="pour from can into mug, canned", object_left="can",
                    object_right="mug", noun="can")  # fmt: skip
     words = replace_nouns(item, np.random.default_rng(0)).narration.split()

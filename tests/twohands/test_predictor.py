@@ -1,4 +1,4 @@
-"""From an image to a Prediction at the image's own size, the letter-box between them, and which hands come back."""
+"""Predictor: letter-box, predictions at the image's own size, and selection of hands."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import torch
 
-from afford.twohands.model.hand_selection import select_hands, taking, three_way
+from afford.twohands.model.hand_selection import hand_probabilities, select_hands
 from afford.twohands.model.interface import Batch, ModelConfig, Output, TwoHands, build
 from afford.twohands.model.letterbox import content_size, letterbox, letterbox_masks, unletterbox
 from afford.twohands.model.model_folder import save_model
-from afford.twohands.model.predictor import Predictor, ranked
+from afford.twohands.model.predictor import Predictor, rank_scores
 
 TINY = ModelConfig(size_px=(64, 96), widths=(16, 16, 32), depth=1, decoder_depth=1, text_buckets=64, threshold=0.4)
 
@@ -83,8 +83,8 @@ def test_a_folder_is_enough_and_batches_say_the_same(tmp_path: Path) -> None:
 def test_two_hands_share_their_ranking() -> None:
     """Hands that act together take the same hypothesis first; a hand alone keeps its own scores."""
     score = torch.tensor([[1.0, 0.0, -1.0], [-1.0, 0.8, 0.9]])
-    assert ranked(score, together=False).argmax(1).tolist() == [0, 2]
-    together = ranked(score, together=True)
+    assert rank_scores(score, together=False).argmax(1).tolist() == [0, 2]
+    together = rank_scores(score, together=True)
     assert torch.equal(together[0], together[1]) and together[0].argmax() == 1
     assert torch.allclose(together.sum(1), torch.ones(2))
 
@@ -101,12 +101,7 @@ def test_the_taxonomy_selects_and_force_overrides(likeliest: int, chosen: list[b
 
 def test_a_hand_takes_part_in_its_own_class_and_in_both() -> None:
     """0.1 left, 0.2 right, 0.3 and 0.4 both: left 0.8, right 0.9."""
-    assert taking(np.array([0.1, 0.2, 0.3, 0.4], np.float32)).tolist() == pytest.approx([0.8, 0.9])
-
-
-def test_three_way_sums_the_single_hands() -> None:
-    """One hand, both on one object, both on different ones."""
-    assert three_way(np.array([0.1, 0.2, 0.3, 0.4])).tolist() == pytest.approx([0.3, 0.3, 0.4])
+    assert hand_probabilities(np.array([0.1, 0.2, 0.3, 0.4], np.float32)).tolist() == pytest.approx([0.8, 0.9])
 
 
 def test_bad_questions_are_refused() -> None:
