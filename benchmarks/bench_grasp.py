@@ -70,7 +70,7 @@ def full(report: Path, policies: Sequence[str], sections: Mapping[str, str]) -> 
 
 
 def alone(report: Path, text: str, found: Mapping[str, Any]) -> None:
-    """One seed: the report, how long it took where all was made anew, and pictures."""
+    """Write the report of one seed, its run time if nothing was cached, and pictures."""
     page = (ROOT / "docs" / "grasping" / "grasping.md", "grasp", SELF)
     line = f"`make grasp` took {found['seconds'] / 60:.1f} minutes on this machine, all trainings included.\n\n"
     anew = found["ran"].get("hand_imitation") and found["ran"].get("teacher_0")
@@ -82,7 +82,7 @@ def alone(report: Path, text: str, found: Mapping[str, Any]) -> None:
 
 
 def section(text: str, title: str) -> str:
-    """What stands under a heading of the report; SystemExit where it has none."""
+    """Return the text below a heading of the report. Raises SystemExit when the heading is missing."""
     _, there, after = text.partition(f"## {title}\n\n")
     if not there:
         raise SystemExit(f"{title}: the report has no such section; ask for the rows that it is of")
