@@ -29,7 +29,7 @@ SELF = Path(__file__).name
 PAGE, README, PICTURE = ROOT / "docs" / "rgbd" / "sor3d.md", ROOT / "README.md", ROOT / "docs" / "pictures" / "sor3d.jpg"
 QUALITY = 88
 FIGURES = ("iou", "f", "fw")
-CAPTION = "Sequences of validation: last frame, truth, what was said of the video and of the last frame alone, attention"
+CAPTION = "Sequences of validation: last frame, truth, prediction of the video and of the last frame alone, attention"
 
 
 def main() -> None:
