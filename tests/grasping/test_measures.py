@@ -1,4 +1,4 @@
-"""How grasps are judged."""
+"""Metrics of an episode."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ from afford.grasping.env.measures import METRICS, EpisodeLog, as_safe_count, as_
 from tests.helpers.made_grasps import measured
 
 
-def test_both_readings_of_the_affordance_score_by_hand() -> None:
-    """Distances of 1, 3, 5, 2, 2.1 cm: three safe (strictly beyond 2 cm), 40 percent violations (AffordDex's AS)."""
+def test_affordance_scores_by_hand() -> None:
+    """Distances of 1, 3, 5, 2, 2.1 cm: three safe fingertips (strictly beyond 2 cm), 40 percent violations (AffordDex's AS)."""
     N_m = np.array([[0.01, 0.03, 0.05, 0.02, 0.021]])
     assert as_safe_count(N_m)[0] == 3
     assert as_violation_pct(N_m)[0] == pytest.approx(40.0)
 
 
-def test_without_negative_points_all_is_safe() -> None:
-    """Infinitely far."""
+def test_fingertips_are_safe_without_negative_points() -> None:
+    """Distances are infinite."""
     N_m = np.full((1, 5), np.inf)
     assert as_safe_count(N_m)[0] == 5
     assert as_violation_pct(N_m)[0] == 0.0
 
 
-def test_success_stays_and_what_is_held_does_not() -> None:
-    """At the goal once, then dropped: a success by the paper, not held; a press on a negative part is remembered."""
+def test_success_is_sticky_and_held_is_not() -> None:
+    """An object at the goal once, then dropped, is a success, but not held; a contact with a negative part is remembered."""
     log, step = EpisodeLog(1, 3), np.array([0])
     log.record(measured(goal_m=[0.049], force_held=[[1] * 6], penetration_m=[0.004]), step)
     log.record(measured(goal_m=[0.3], force_negative=[[0, 1, 0, 0, 0, 0]], N_true_m=[[0.02, 1, 1, 1, 1]],
@@ -40,8 +40,8 @@ def test_success_stays_and_what_is_held_does_not() -> None:
     assert found["penetration_p95_m"] == pytest.approx(0.001 + 0.95 * 0.003)
 
 
-def test_an_episode_without_contact_has_no_depth() -> None:
-    """Not a zero that would flatter; and a new episode knows nothing of the one before."""
+def test_depth_is_nan_without_contact() -> None:
+    """A depth of 0 would look better than it is; a new episode forgets the previous one."""
     log = EpisodeLog(2, 1)
     log.record(measured(goal_m=[0.0, 0.0], force_held=[[1] * 6, [0] * 6], force_negative=[[0] * 6] * 2, N_true_m=[[1] * 5] * 2,
                       penetration_m=[0.001, 0.0]), np.zeros(2, int))  # fmt: skip

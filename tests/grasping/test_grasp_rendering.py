@@ -1,4 +1,4 @@
-"""A trace as pictures: links stand where kinematics has them, the object where the trace has it, colours by part."""
+"""Rendering of a trace: links and object at their poses, colours by part, key frames."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ def studio() -> GraspRenderer:
     return GraspRenderer(shadow(), hammer(), 160, 120)
 
 
-def test_a_skin_for_each_link_that_has_a_shape() -> None:
-    """Meshes of the hand where it names them; closed enough to be lit from outside; fingertips lie on the last link."""
+def test_links_with_a_shape_have_a_mesh() -> None:
+    """Meshes of the hand where it names them, closed enough to be lit from outside; fingertips lie on the last link."""
     hand = shadow()
     found = {skin.link: skin for skin in link_meshes(hand)}
     assert hand.palm in found and set(hand.fingers.tip_link.tolist()) <= set(found)
@@ -42,14 +42,14 @@ def test_a_skin_for_each_link_that_has_a_shape() -> None:
     assert all(skin.faces.max() < len(skin.vertices) for skin in found.values())
 
 
-def test_a_hand_without_visuals_shows_what_it_collides_with(tmp_path: Path) -> None:
-    """Boxes of the small hand: 12 triangles a link."""
+def test_collision_shapes_replace_missing_visuals(tmp_path: Path) -> None:
+    """Boxes of the small hand: 12 triangles per link."""
     found = link_meshes(hand_of(written(tmp_path, PINCER)))
     assert [len(skin.faces) for skin in found] == [12] * 4
 
 
-def test_pieces_look_outwards() -> None:
-    """Faces of hulls are counter-clockwise seen from outside; every part has one."""
+def test_faces_of_hulls_point_outwards() -> None:
+    """Counter-clockwise seen from outside; every part has a hull."""
     found = hull_pieces(hammer().body)
     assert {piece.part for piece in found} == set(range(len(hammer().body.parts)))
     for piece in found:
@@ -58,8 +58,8 @@ def test_pieces_look_outwards() -> None:
         assert (outwards.sum(axis=1) > 0).all()
 
 
-def test_the_end_shows_the_object_higher(studio: GraspRenderer) -> None:
-    """And at the depth of its points: what the picture says of the object is on it, to the millimetre."""
+def test_last_row_shows_the_lifted_object(studio: GraspRenderer) -> None:
+    """Pixels of the object lie on its surface, to the millimetre."""
     trace, _ = grasped()
     first, last = studio.render(trace, 0), studio.render(trace, len(trace.q) - 1)
     assert first.rgb.shape == (120, 160, 3) and set(np.unique(first.ids)) == {HAND, THING, GROUND, RING}
@@ -75,7 +75,7 @@ def test_the_end_shows_the_object_higher(studio: GraspRenderer) -> None:
     assert (inside > low - 0.001).all() and (inside < high + 0.001).all()
 
 
-def test_links_stand_where_the_engine_has_them() -> None:
+def test_links_are_at_the_poses_of_the_engine() -> None:
     """Forward kinematics of the trace's joints gives its palm and fingertips."""
     trace, hand = grasped()[0], shadow()
     T = forward_kinematics(hand.joints, trace.q)
@@ -84,7 +84,7 @@ def test_links_stand_where_the_engine_has_them() -> None:
     assert np.abs(tips + T[:, hand.fingers.tip_link][..., :3, 3] - trace.tips).max() < 1e-6
 
 
-def test_what_must_not_be_touched_is_red(studio: GraspRenderer) -> None:
+def test_negative_parts_are_red(studio: GraspRenderer) -> None:
     """The head of the hammer, and nothing else."""
     one = hammer()
     assert {name for k, name in enumerate(one.body.parts) if colour_of(one, k) == NEGATIVE} == set(one.negative)
@@ -94,14 +94,14 @@ def test_what_must_not_be_touched_is_red(studio: GraspRenderer) -> None:
     assert red.sum() > 40 and (shot.ids[red] == THING).mean() > 0.9
 
 
-def test_the_same_trace_gives_the_same_picture(studio: GraspRenderer) -> None:
-    """To the byte, in another studio as well."""
+def test_rendering_is_deterministic(studio: GraspRenderer) -> None:
+    """Equal to the byte, also by another renderer."""
     trace, _ = grasped()
     again = GraspRenderer(shadow(), hammer(), 160, 120).render(trace, 7)
     assert again.rgb.tobytes() == studio.render(trace, 7).rgb.tobytes()
 
 
-def test_rows_are_judged_as_metrics_judge() -> None:
+def test_trace_metrics_equal_those_of_the_episode() -> None:
     """The last row of a trace has the figures of its episode."""
     for told in ({}, {"start": "anywhere"}):
         trace, figures = grasped(3, **told)
@@ -111,8 +111,8 @@ def test_rows_are_judged_as_metrics_judge() -> None:
         assert float(how.success[-1]) == figures["success"]
 
 
-def test_moments_tell_the_story() -> None:
-    """Nothing touched before the reach, the object on the table until the close, half-way at the lift."""
+def test_key_frames_follow_the_grasp() -> None:
+    """No contact before the reach, the object on the table until the close, half-way at the lift."""
     trace, _ = grasped()
     found = key_frames(trace, hammer())
     assert len(found) == len(PHASES) and list(found) == sorted(found) and found[0] == 0 and found[-1] == len(trace.q) - 1
@@ -122,14 +122,14 @@ def test_moments_tell_the_story() -> None:
     assert rise[close] <= 0.01 < rise[close + 1] and 0.05 < rise[lift] < 0.15
 
 
-def test_a_hand_that_never_lifts_has_moments_too() -> None:
-    """Spread evenly from the touch on."""
+def test_key_frames_without_a_lift() -> None:
+    """Spread evenly from the first contact."""
     trace, _ = grasped()
     still = replace(trace, body=np.repeat(trace.body[:1], len(trace.q), axis=0))
     found = list(key_frames(still, hammer()))
     assert found == sorted(found) and found[-1] == len(trace.q) - 1
 
 
-def test_the_task_of_another_trace_is_refused() -> None:
+def test_task_of_another_trace_is_refused() -> None:
     with pytest.raises(ValueError, match="expected its task hammer/drive a nail, got other"):
         trace_metrics(grasped()[0], replace(hammer(), name="other"))

@@ -1,4 +1,4 @@
-"""Imitation: the published rewards by hand, and the environment that a hand follows references in."""
+"""HandImitation: published rewards by hand, and the environment that follows references."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ def env(frames: int = 90, **config: Any) -> HandImitation:
     return HandImitation(shadow(), block(), (reference(shadow(), frames),), **config)
 
 
-def test_the_papers_reward_by_hand() -> None:
+def test_paper_reward_by_hand() -> None:
     """Five fingers 10 cm off at level 1, exact at level 2, 3 W: 0.8 (5 exp(-0.5) + 5) - 0.15."""
     found = imitation_rewards("paper", tracking(level_1_m=[[0.1] * 5], power_w=[2.0], wrist_power_w=[1.0]))
     assert sum(term[0] for term in found.values()) == pytest.approx(0.8 * (5 * np.exp(-0.5) + 5) - 0.15)
 
 
-def test_the_codes_reward_by_hand() -> None:
-    """All that it can be is the sum of its weights; distances are not squared and are means over fingers."""
+def test_code_reward_by_hand() -> None:
+    """The maximum is the sum of the weights; distances are means over fingers and not squared."""
     best = imitation_rewards("code", tracking())
     assert {name: term[0] for name, term in best.items()} == pytest.approx(dict(REWARDS["code"]))
     off = imitation_rewards("code", tracking(level_2_m=[[0.1, 0, 0, 0, 0]], wrist_rad=[1.0], linear_m_s=[[3.0, 0, 0]],
@@ -52,8 +52,8 @@ def test_the_codes_reward_by_hand() -> None:
     assert off["wrist_calm"][0] == pytest.approx(0.05 * np.exp(-1))
 
 
-def test_failing_takes_distance_and_time() -> None:
-    """15 cm in the end, 21 cm in the beginning of a training; never within the first 50 steps of 1/60 s; or insane speeds."""
+def test_tracking_failure_by_distance_time_and_speed() -> None:
+    """15 cm at the end, 21 cm at the beginning of a training; never within the first 50 steps of 1/60 s; or impossible speeds."""
     assert tolerance_m(0) == pytest.approx(0.15 / 0.7)
     assert tolerance_m(10**6) == pytest.approx(0.15)
     off, late, early = tracking(level_1_m=[[0.16] * 5]), np.array([1.0]), np.array([PATIENCE_S])
@@ -64,8 +64,8 @@ def test_failing_takes_distance_and_time() -> None:
 
 @pytest.mark.filterwarnings("ignore:.*WARN")
 @pytest.mark.parametrize("engine", ENGINES)
-def test_gymnasium_is_content(engine: str) -> None:
-    """Registered, made by its name, and check_env finds nothing; closing twice is harmless."""
+def test_check_env(engine: str) -> None:
+    """Made by its registered name, check_env finds no fault; a second close does nothing."""
     made = gymnasium.make(ID, hand=shadow(), body=block(), references=(reference(shadow()),), engine=engine)
     check_env(made.unwrapped, skip_render_check=True)
     made.close()
@@ -73,8 +73,8 @@ def test_gymnasium_is_content(engine: str) -> None:
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-def test_the_reference_as_a_base_is_followed(engine: str) -> None:
-    """Without any action: the end is reached, both levels within 2 cm, nearly all of the reward."""
+def test_base_reference_is_followed(engine: str) -> None:
+    """The end is reached without any action, both levels within 2 cm, with nearly all of the reward."""
     made = env(engine=engine, base="reference", reward="code", random_start=False)
     made.reset(seed=0)
     truncated, terms = False, list[float]()
@@ -90,7 +90,7 @@ def test_the_reference_as_a_base_is_followed(engine: str) -> None:
 
 
 def test_standing_still_fails() -> None:
-    """Without a base and without actions the hand falls behind until the episode ends."""
+    """The hand falls behind without base and actions until the episode ends."""
     far = reference(shadow())
     far = replace(far, level_1_m=far.level_1_m + np.linspace(0, 0.5, 90)[:, None, None])
     made = HandImitation(shadow(), block(), (far,), random_start=False)
@@ -104,8 +104,8 @@ def test_standing_still_fails() -> None:
     made.close()
 
 
-def test_the_palms_velocity_is_how_its_pose_changes() -> None:
-    """Linear and angular, by differences of kinematics, while the hand moves; what is tracked is that less the reference's."""
+def test_palm_velocity_equals_finite_differences() -> None:
+    """Linear and angular, while the hand moves; the tracking error is its difference from the reference's."""
     made, h = env(random_start=False), 1e-6
     made.reset(seed=0)
     for action in ACTIONS[:, 0]:
@@ -123,7 +123,7 @@ def test_the_palms_velocity_is_how_its_pose_changes() -> None:
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_same_seed_same_trajectory_and_restore(engine: str) -> None:
-    """To the bit, and what is restored goes on as it did."""
+    """Equal bit for bit; a restored state continues identically."""
     made = env(frames=1200, engine=engine)
 
     def run(seed: int | None) -> list[Any]:
@@ -141,8 +141,8 @@ def test_same_seed_same_trajectory_and_restore(engine: str) -> None:
     made.close()
 
 
-def test_many_hands_begin_anew_by_themselves() -> None:
-    """At ends of their own: clips of other lengths; final observations where episodes ended."""
+def test_vector_env_resets_each_world_at_its_end() -> None:
+    """Clips of different lengths; final observations where episodes ended."""
     clips = (reference(shadow(), 40), reference(shadow(), 70, seed=1))
     many = gymnasium.make_vec(ID, 2, vectorization_mode="vector_entry_point", hand=shadow(), body=block(), references=clips,
                               base="reference", random_start=False)  # fmt: skip
@@ -161,8 +161,8 @@ def test_many_hands_begin_anew_by_themselves() -> None:
     many.close()
 
 
-def test_what_cannot_be_followed_is_refused() -> None:
-    """No references, another hand's, a flash; unknown words."""
+def test_wrong_references_and_keywords_are_refused() -> None:
+    """No references, those of another hand, a clip that is too short; unknown values."""
     own = reference(shadow())
     other, flash = replace(own, hand="pincer"), reference(shadow(), 5)
     for wrong, message in (((), "one or more"), ((other,), "of pincer"), ((flash,), "more than")):

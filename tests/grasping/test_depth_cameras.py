@@ -1,4 +1,4 @@
-"""Depth cameras: against rays, whoever computes the physics, and with what is wrong with depth."""
+"""Depth cameras: comparison with ray casting, with both engines, and depth noise."""
 
 from __future__ import annotations
 
@@ -57,8 +57,8 @@ def taken(scene, rig: CameraRig) -> DepthImages:  # type: ignore[no-untyped-def]
 
 
 @pytest.mark.parametrize("rig", [CameraRig(), CameraRig(5, 64)], ids=["two of 96", "five of 64"])
-def test_points_are_on_the_surface_that_rays_hit(scene, rig: CameraRig) -> None:  # type: ignore[no-untyped-def]
-    """99 % within 3 mm of what Embree hits first through the same pixel, and of the same kind."""
+def test_points_lie_on_the_surface_that_rays_hit(scene, rig: CameraRig) -> None:  # type: ignore[no-untyped-def]
+    """99 % within 3 mm of the first hit of Embree through the same pixel, and of the same kind."""
     *_, hand, thing = scene
     images, cameras = taken(scene, rig), rig.cameras()
     vertices = np.concatenate([hand.vertices, thing.vertices])
@@ -80,8 +80,8 @@ def test_points_are_on_the_surface_that_rays_hit(scene, rig: CameraRig) -> None:
     assert set(np.unique(images.kind)) == {NOTHING, HAND, OBJECT}
 
 
-def test_pixels_that_show_nothing_hit_nothing(scene) -> None:  # type: ignore[no-untyped-def]
-    """Rays through them pass by: the z-buffer has no gaps."""
+def test_rays_through_empty_pixels_hit_nothing(scene) -> None:  # type: ignore[no-untyped-def]
+    """The z-buffer has no gaps."""
     *_, hand, thing = scene
     rig = CameraRig()
     images, both = taken(scene, rig), trimesh.util.concatenate([hand, thing])
@@ -92,8 +92,8 @@ def test_pixels_that_show_nothing_hit_nothing(scene) -> None:  # type: ignore[no
     assert hits < 0.02 * (images.kind != NOTHING).sum()
 
 
-def test_places_fall_back_on_their_pixels(scene) -> None:  # type: ignore[no-untyped-def]
-    """Out of the picture and into it again."""
+def test_unprojected_points_project_to_their_pixels(scene) -> None:  # type: ignore[no-untyped-def]
+    """Unprojection and projection are inverse."""
     rig = CameraRig(3, 48)
     depth = taken(scene, rig).depth_m[0]
     pixels = np.flatnonzero(depth)
@@ -104,8 +104,8 @@ def test_places_fall_back_on_their_pixels(scene) -> None:  # type: ignore[no-unt
 
 
 @pytest.mark.parametrize("engine", ["mujoco", "bullet"])
-def test_fingertips_of_engines_are_on_the_hand_that_is_seen(engine: str) -> None:
-    """Kinematics puts the shapes where the engine has the fingers: in the tip link's own shape, 1 cm from its surface at most."""
+def test_fingertips_of_engines_lie_on_the_rendered_hand(engine: str) -> None:
+    """Each fingertip of the engine is in the shape of its own link, at most 1 cm from its surface."""
     core = worlds(base="script", engine=engine)
     for _ in range(5):
         core.step(np.zeros((2, 24)), [np.random.default_rng(0)] * 2)
@@ -122,14 +122,14 @@ def flat(depth_m: float) -> DepthImages:
     return DepthImages(np.full(shape, depth_m, np.float32), np.full(shape, HAND, np.uint8))
 
 
-def test_depth_scatters_with_the_square_of_the_distance() -> None:
+def test_depth_scatter_grows_with_the_squared_distance() -> None:
     """Four times as much at twice the distance."""
     spread = [add_depth_noise(flat(z), [DepthNoise(scatter_m=0.004)], np.random.default_rng(0)).depth_m.std() for z in (0.4, 0.8)]
     assert spread == pytest.approx([0.004 * 0.16, 0.004 * 0.64], rel=0.05)
 
 
-def test_depth_comes_in_steps_of_disparity() -> None:
-    """Neighbouring depths are step z^2 apart."""
+def test_depth_is_quantized_in_disparity() -> None:
+    """Neighbouring depths differ by step z^2."""
     rng = np.random.default_rng(0)
     depth = rng.uniform(0.4, 0.8, (1, 1, 200, 200)).astype(np.float32)
     found = np.unique(add_depth_noise(DepthImages(depth, np.full(depth.shape, OBJECT, np.uint8)), [DepthNoise(step_m=0.01)],
@@ -138,8 +138,8 @@ def test_depth_comes_in_steps_of_disparity() -> None:
     assert np.diff(found) == pytest.approx(0.01 * middle**2, rel=0.02)
 
 
-def test_holes_show_nothing_and_no_noise_changes_nothing() -> None:
-    """As many as asked for; the very same pictures where all is well."""
+def test_share_of_holes_and_images_without_noise() -> None:
+    """The share of holes is the requested one; without noise the images are unchanged."""
     images = add_depth_noise(flat(0.5), [DepthNoise(holes=0.2)], np.random.default_rng(0))
     assert (images.kind == NOTHING).mean() == pytest.approx(0.2, abs=0.02)
     assert np.array_equal(images.depth_m == 0, images.kind == NOTHING)
@@ -148,8 +148,8 @@ def test_holes_show_nothing_and_no_noise_changes_nothing() -> None:
     assert add_depth_noise(same, [DepthNoise()], np.random.default_rng(0)) is same
 
 
-def test_noise_is_drawn_within_its_table() -> None:
-    """The same seed, the same noise; seeds differ."""
+def test_random_noise_is_within_its_ranges() -> None:
+    """The same seed gives the same noise; seeds differ."""
     found = [random_depth_noise(seed) for seed in range(30)]
     assert found[0] == random_depth_noise(0) != found[1]
     for name, span in RANDOM_DEPTH.items():
@@ -157,6 +157,6 @@ def test_noise_is_drawn_within_its_table() -> None:
 
 
 @pytest.mark.parametrize("wrong", [{"views": 6}, {"views": 0}, {"size_px": 0}, {"view_deg": 180.0}])
-def test_rigs_that_cannot_be_are_refused(wrong: dict[str, float]) -> None:
+def test_wrong_rigs_are_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(ValueError, match="expected 1 to 5 views"):
         CameraRig(**wrong)  # type: ignore[arg-type]  # fields of Rig

@@ -1,4 +1,4 @@
-"""Actions: rates, caps, limits, frames."""
+"""Rate actions: rates, caps, limits, frames."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ LIMITS = np.tile([-1.0, 1.0], (24, 1))
 
 
 @pytest.mark.parametrize("base", sorted(RATES))
-def test_a_full_action_moves_by_the_rate_and_no_further_than_the_cap(base: str) -> None:
-    """What is beyond 1 counts as 1."""
+def test_full_action_moves_by_the_rate_up_to_the_cap(base: str) -> None:
+    """Actions beyond 1 count as 1."""
     rates = rate_table(RATES[base], 24)
     offset = np.zeros((1, 24))
     assert moved(rates, offset, np.full((1, 24), 7.0))[0] == pytest.approx(rates[:, 0])
@@ -21,8 +21,8 @@ def test_a_full_action_moves_by_the_rate_and_no_further_than_the_cap(base: str) 
     assert offset[0] == pytest.approx(-np.minimum(rates[:, 1], 200 * rates[:, 0]))
 
 
-def test_nothing_winds_up_beyond_a_limit() -> None:
-    """After a hundred steps against a limit one step back moves the target back."""
+def test_offsets_do_not_wind_up_beyond_a_limit() -> None:
+    """One step back moves the target back after a hundred steps against a limit."""
     rates, base, yaw = rate_table(RATES["none"], 24), np.zeros((1, 24)), np.array([0.7])
     offset = np.zeros((1, 24))
     for _ in range(100):
@@ -32,16 +32,16 @@ def test_nothing_winds_up_beyond_a_limit() -> None:
     assert (back[0, 2:] < 1.0).all()
 
 
-def test_x_is_along_the_episodes_frame() -> None:
-    """At a yaw of a quarter turn, x moves the wrist along the world's y."""
+def test_x_is_along_the_frame_of_the_episode() -> None:
+    """Action x moves the wrist along y of the world at a yaw of a quarter turn."""
     rates, action = rate_table(RATES["none"], 24), np.zeros((1, 24))
     action[0, 0] = 1.0
     u, _ = rate_command(np.zeros((1, 24)), moved(rates, np.zeros((1, 24)), action), np.array([np.pi / 2]), LIMITS)
     assert u[0, :3] == pytest.approx([0, 0.03, 0])
 
 
-def test_towards_is_what_leads_there() -> None:
-    """In one step where it is near, as far as a step goes where it is not."""
+def test_towards_reaches_near_targets_in_one_step() -> None:
+    """A far target is approached by a full step."""
     rng, rates, yaw = np.random.default_rng(0), rate_table(RATES["none"], 24), np.array([0.4])
     before = rng.uniform(-0.2, 0.2, (1, 24))
     near = before + turned(rng.uniform(-1, 1, (1, 24)) * rates[:, 0], yaw)

@@ -1,4 +1,4 @@
-"""A policy on disk is the policy."""
+"""Files of a policy: written and read again, and errors for wrong files."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ def made(root: Path) -> ActorCritic:
     return model.eval()
 
 
-def test_what_is_read_acts_as_what_was_written(tmp_path: Path) -> None:
+def test_policy_survives_writing_and_reading(tmp_path: Path) -> None:
+    """Actions, values and facts are equal."""
     model = made(tmp_path / "policy")
     again, facts = read_policy(tree("p", tmp_path), "policy/")
     seen = torch.randn(7, 5)
@@ -29,7 +30,8 @@ def test_what_is_read_acts_as_what_was_written(tmp_path: Path) -> None:
     assert torch.equal(again.actions(seen).mean, model.actions(seen).mean) and torch.equal(again.value(seen), model.value(seen))
 
 
-def test_other_files_are_refused(tmp_path: Path) -> None:
+def test_wrong_files_are_refused(tmp_path: Path) -> None:
+    """Errors name the file: damaged weights, another format, a missing configuration."""
     made(tmp_path)
     (tmp_path / WEIGHTS).write_bytes(b"no")
     with pytest.raises(ValueError, match=r"policy\.safetensors"):

@@ -1,4 +1,4 @@
-"""What a policy is told and what it is judged by are two things: predictions change the first, never the second."""
+"""Tasks with predicted affordances: predictions change observations and rewards, never the evaluation."""
 
 from __future__ import annotations
 
@@ -68,22 +68,22 @@ def test_mesh_and_body_share_a_frame() -> None:
     assert distance_to_points(points, said().points).max() < 0.008 and distance_to_points(points, told(said()).N_t).max() < 0.008
 
 
-def test_a_right_prediction_says_what_is_true() -> None:
+def test_correct_prediction_equals_the_truth() -> None:
     one = told(said())
     assert one.told == one.negative == task().negative and min(agreement(one)) > 0.98
     assert not np.array_equal(one.N_t, task().N_t) and np.array_equal(from_grasp_task(one).N_true, from_grasp_task(task()).N_true)
 
 
-def test_a_prediction_without_points_leaves_a_task_without_points() -> None:
-    """Nothing is shown, and it is judged as ever; recall is 0, and there is no precision to speak of."""
+def test_empty_prediction_gives_a_task_without_points() -> None:
+    """The evaluation is unchanged; recall is 0, precision is NaN."""
     one = told(nothing_said())
     assert one.N_t.shape == (0, 3) and one.told == () and one.negative == task().negative
     assert agreement(one).recall == 0 and np.isnan(agreement(one).precision)
     assert len(from_grasp_task(one).N_true) == 100 and not from_grasp_task(one).told.any()
 
 
-def test_a_policy_is_judged_by_the_truth() -> None:
-    """Other N_t: other rewards and observations, the same motion has the same figures. Other truth: the other way round."""
+def test_evaluation_uses_the_truth() -> None:
+    """Another N_t changes rewards and observations, but no figure of the same motion; another truth changes only the figures."""
     true = held_by_handle()
     handle = np.arange(len(true.negative)) == true.hold
     spots = true.body.points[true.body.point_part == true.hold].astype(np.float64)[:100]
@@ -97,7 +97,7 @@ def test_a_policy_is_judged_by_the_truth() -> None:
     assert judged.reward.tobytes() == plain.reward.tobytes() and seen_judged.tobytes() == seen.tobytes()
 
 
-def test_where_it_is_told_the_truth_both_are_one() -> None:
+def test_measures_agree_when_the_prediction_is_the_truth() -> None:
     core = GraspWorlds(shadow(), [from_grasp_task(task()), held_by_handle()], GraspEnvConfig(base="script"))
     rngs = [np.random.default_rng(k) for k in range(2)]
     core.reset([0, 1], rngs)
@@ -108,8 +108,8 @@ def test_where_it_is_told_the_truth_both_are_one() -> None:
     core.close()
 
 
-def test_where_hands_belong_is_taken_by_its_use() -> None:
-    """In truth it is safe and on the part to hold."""
+def test_positive_points_are_matched_by_use() -> None:
+    """True positive points are safe and on the part to hold."""
     own = task()
     on = own.body.points[own.body.point_part == own.body.parts.index(own.hold)]
     assert distance_to_points(on, own.A_t).max() < 1e-6 and distance_to_points(own.N_t, own.A_t).min() > 0.02
@@ -120,8 +120,8 @@ def test_where_hands_belong_is_taken_by_its_use() -> None:
     assert np.array_equal(from_grasp_task(found).A_t, found.A_t)
 
 
-def test_what_does_not_fit_is_refused() -> None:
-    """A use that nobody asked about; a body of another size, or of another thing."""
+def test_predictions_of_other_objects_or_uses_are_refused() -> None:
+    """A use without a prediction; a body of another size or of another object."""
     with pytest.raises(ValueError, match="expected a prediction for the use"):
         told(replace(said(), tasks=said().tasks[:0]))
     for body in (replace(task().body, size_m=1.15 * task().body.size_m), replace(task().body, name="other")):
@@ -134,8 +134,8 @@ def of_policy(name: str, as_pct: float) -> GraspEpisodes:
     return GraspEpisodes(name, name, "unseen_object", "mujoco", 0, ("a", "b"), FIGURES, values, np.zeros((2, 4)), ())
 
 
-def test_the_report_says_what_predictions_are_worth(tmp_path) -> None:  # type: ignore[no-untyped-def]  # a fixture
-    """AS beside that without penalties; how many tasks have no points; nothing of it where nothing was predicted."""
+def test_report_of_predicted_tasks(tmp_path) -> None:  # type: ignore[no-untyped-def]  # a fixture
+    """Affordance score next to that without penalties; the number of tasks without points; nothing without predictions."""
     rows = tuple(of_policy(name, value) for name, value in (("teacher", 5.0), ("no_negative", 15.0), ("teacher_naa", 6.0)))
     other = replace(of_policy("no_negative", 30.0), seed=1)
     tasks = ((told(said()),), (), (told(nothing_said()),))
@@ -154,8 +154,8 @@ def test_the_report_says_what_predictions_are_worth(tmp_path) -> None:  # type: 
     assert "as predicted" not in without.find("report.md").path.read_text()  # type: ignore[union-attr]  # it is there
 
 
-def test_predictions_are_made_for_those_who_ask() -> None:
-    """NAA by a switch; the two-hand model only for its row, which then learns from other tasks than the rest."""
+def test_predictions_are_part_of_the_graph_on_request() -> None:
+    """NAA by a switch; the two-hand model only for its row, which then trains on other tasks than the rest."""
     stages = {}
     for rows, naa in ((("teacher", "positive_truth"), True), (("teacher", "positive"), False)):
         asked = SCHOOL.with_stages(grasp_report=replace(SCHOOL.grasping.grasp_report, rows=rows, naa=naa))

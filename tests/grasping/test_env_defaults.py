@@ -1,4 +1,4 @@
-"""The environment without arguments: gymnasium's checks, frames, films, and reprs that one can read."""
+"""Environment without arguments: gymnasium's checks, frames, films, registration, short reprs."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import importlib.util
 import site
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import gymnasium
@@ -16,8 +17,10 @@ from gymnasium.wrappers import RecordVideo, RenderCollection
 
 from afford.environments import ENVIRONMENTS, register
 from afford.grasping.env import default
+from afford.grasping.env import env as env_module
 from afford.grasping.env.env import HEIGHT, ID, WIDTH, AffordanceGrasp, grasp_task
 from afford.grasping.env.task import from_grasp_task
+from schemas.mesh import PartedMesh
 from schemas.video import Clip
 from stages.grasping import hand_model, object_solids
 from stages.synthetic import object_build
@@ -28,6 +31,19 @@ LONGEST = 900
 """characters of a repr"""
 
 
+@pytest.fixture
+def small_frames(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Render few pixels, where only the number and kind of frames matter."""
+    monkeypatch.setattr(env_module, "WIDTH", 64)
+    monkeypatch.setattr(env_module, "HEIGHT", 48)
+
+
+@cache
+def default_hammer() -> PartedMesh:
+    """The default tool, as the stage object_build makes it."""
+    return object_build.run(default.TOOL, object_build.Params(atlas_px=64))
+
+
 def drawn(**config: object) -> AffordanceGrasp:
     """One world that draws."""
     made = gymnasium.make(ID, render_mode="rgb_array", **config).unwrapped
@@ -35,15 +51,16 @@ def drawn(**config: object) -> AffordanceGrasp:
     return made
 
 
-def test_gymnasium_finds_no_fault_with_it() -> None:
-    """check_env, its frames included."""
+@pytest.mark.usefixtures("small_frames")
+def test_check_env_with_frames() -> None:
+    """check_env, including its checks of render."""
     made = drawn(steps=6)
     check_env(made)
     made.close()
 
 
-def test_frames_are_pictures_of_now() -> None:
-    """(h, w, 3) uint8; the same state is the same picture, a moved hand another one, and the state is not touched by drawing."""
+def test_frames_show_the_current_state() -> None:
+    """(h, w, 3) uint8; the same state gives the same frame, a moved hand another one, and drawing does not change the state."""
     made, blind = drawn(), gymnasium.make(ID)
     first, _ = made.reset(seed=3)
     frame = made.render()
@@ -59,8 +76,9 @@ def test_frames_are_pictures_of_now() -> None:
     blind.close()
 
 
-def test_frames_are_collected_at_the_rate_of_control() -> None:
-    """By gymnasium's own wrapper; 20 a second, 60 with the paper's actions."""
+@pytest.mark.usefixtures("small_frames")
+def test_render_fps_is_the_rate_of_control() -> None:
+    """Count the frames of gymnasium's RenderCollection; 20 per second, 60 with the paper's actions."""
     made = RenderCollection(gymnasium.make(ID, render_mode="rgb_array"))
     made.reset(seed=0)
     for _ in range(3):
@@ -73,8 +91,9 @@ def test_frames_are_collected_at_the_rate_of_control() -> None:
     paper.close()
 
 
+@pytest.mark.usefixtures("small_frames")
 @pytest.mark.skipif(importlib.util.find_spec("moviepy") is None, reason="RecordVideo writes with moviepy, which `EXTRA=film` adds")
-def test_gymnasium_films_it(tmp_path: Path) -> None:
+def test_record_video(tmp_path: Path) -> None:
     """RecordVideo writes an episode."""
     made = RecordVideo(gymnasium.make(ID, render_mode="rgb_array", steps=4), str(tmp_path / "films"), disable_logger=True)
     made.reset(seed=0)
@@ -84,7 +103,7 @@ def test_gymnasium_films_it(tmp_path: Path) -> None:
     assert [path.stat().st_size > 0 for path in tmp_path.glob("films/*.mp4")] == [True]
 
 
-def test_what_cannot_be_drawn_is_refused() -> None:
+def test_wrong_render_calls_are_refused() -> None:
     """Another mode, and a frame before the first reset."""
     with pytest.raises(ValueError, match="expected rgb_array or None, got 'human'"):
         AffordanceGrasp(render_mode="human")
@@ -94,10 +113,10 @@ def test_what_cannot_be_drawn_is_refused() -> None:
     made.close()
 
 
-def test_what_is_given_by_default_is_what_stages_make() -> None:
-    """The hand to the bit, the hammer by its mass and parts; it can be grasped by script, and only by its handle."""
+def test_default_hand_and_task_equal_those_of_the_stages() -> None:
+    """The hand bit for bit, the hammer by its mass and parts; the scripted grasp succeeds by the handle."""
     assert repr(default.hand()) == repr(shadow()) and default.hand().urdf == shadow().urdf
-    built = object_build.run(default.TOOL, object_build.Params(atlas_px=64))
+    built = default_hammer()
     body = object_solids.run(built.mesh, built.parts, object_solids.Params())
     assert np.array_equal(body.corners, default.tool().body.corners) and body.mass_kg == default.tool().body.mass_kg
     assert hand_model.Params().wrist == "gantry"
@@ -110,15 +129,15 @@ def test_what_is_given_by_default_is_what_stages_make() -> None:
     made.close()
 
 
-def test_a_task_survives_its_description() -> None:
-    """What frames are drawn of is the task itself."""
+def test_task_survives_conversion_to_grasp_task() -> None:
+    """Frames are drawn of the task itself."""
     task = default.tool()
     again = from_grasp_task(grasp_task(task))
     assert again.hold == task.hold and np.array_equal(again.negative, task.negative) and np.array_equal(again.N_t, task.N_t)
 
 
 def test_names_are_registered_once() -> None:
-    """Again, and nothing happens; every entry point is there, and is that of the table, also where the install registered it."""
+    """A second registration does nothing; every entry point exists and is that of the table, also in an installed afford."""
     before = {name: gymnasium.registry[name] for name in ENVIRONMENTS}
     assert {name: (one.entry_point, one.vector_entry_point) for name, one in before.items()} == ENVIRONMENTS
     register()
@@ -128,8 +147,8 @@ def test_names_are_registered_once() -> None:
         assert callable(gymnasium.envs.registration.load_env_creator(spec.vector_entry_point))
 
 
-def test_an_import_registers_the_same() -> None:
-    """Where afford is on the path and not installed: -S leaves out what the install put into site-packages."""
+def test_import_registers_the_environments() -> None:
+    """Import with -S, which leaves out the registration in site-packages, as if afford were not installed."""
     code = ("import sys; sys.path[:0] = sys.argv[1:]; import gymnasium; from afford.environments import ENVIRONMENTS as known\n"
             "assert not known.keys() & gymnasium.registry.keys()\n"
             "import afford.grasping.env.env, afford.grasping.imitation.imitate_env\n"
@@ -141,8 +160,8 @@ def test_an_import_registers_the_same() -> None:
 
 
 def test_reprs_are_short() -> None:
-    """Shapes instead of arrays, for nouns, tasks and environments; a field of a noun is still there by name."""
-    built = object_build.run(default.TOOL, object_build.Params(atlas_px=64))
+    """Shapes instead of arrays, for schemas, tasks and environments; fields are still named."""
+    built = default_hammer()
     made = gymnasium.make(ID)
     for thing in (default.hand(), block(), built.mesh, built.parts, built, default.tool(), made, made.unwrapped):
         assert len(repr(thing)) < LONGEST and "\n" not in repr(thing), type(thing)

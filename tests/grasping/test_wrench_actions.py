@@ -1,4 +1,4 @@
-"""Actions as the paper has them: forces do what forces do, the hand has no weight, both engines agree, a grasp can be had."""
+"""Wrench actions: forces and torques, a weightless hand, agreement of engines, a grasp that succeeds."""
 
 from __future__ import annotations
 
@@ -88,8 +88,8 @@ def after(made: World, u: np.ndarray, steps: int) -> State:
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-def test_a_hand_without_forces_stays_where_it_is(engine: str) -> None:
-    """For a second, to the millimetre: it has no weight. The object has, and lies."""
+def test_hand_without_forces_does_not_move(engine: str) -> None:
+    """Hand at rest for a second, to the millimetre, since it has no weight; the object has, and rests."""
     made, u = wrenched(engine)
     state = after(made, u, 60)
     assert np.abs(state.q[:3] - (0, 0, 0.8)).max() < 1e-3 and np.abs(state.q[3:6]).max() < 5e-3
@@ -98,10 +98,8 @@ def test_a_hand_without_forces_stays_where_it_is(engine: str) -> None:
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-def test_a_constant_force_accelerates_as_it_should(engine: str) -> None:
-    """Along the hand, through its middle: v = F t / m without drag, where m is what the slide carries; with drag it ends at
-    F / (m drag).
-    """
+def test_constant_force_accelerates_by_newtons_law(engine: str) -> None:
+    """v = F t / m without drag, where m is the mass on the slide; with drag the final speed is F / (m drag)."""
     mass = 0.611 + 3 * 0.05
     free, u = wrenched(engine, drag_1_s=0.0)
     u[2] = 2.0
@@ -115,7 +113,7 @@ def test_a_constant_force_accelerates_as_it_should(engine: str) -> None:
     slow.close()
 
 
-def test_engines_agree_on_a_wrench_on_everything() -> None:
+def test_engines_agree_on_wrenches() -> None:
     """A quarter of a second of forces and torques: 3 mm and 0.03 rad."""
     rng = np.random.default_rng(0)
     pushes, found = rng.uniform(-1, 1, (15, 6)) * [40, 40, 40, 0.5, 0.5, 0.5], []
@@ -130,8 +128,8 @@ def test_engines_agree_on_a_wrench_on_everything() -> None:
     assert np.abs(found[0].q[:6]).max() > 0.02 and np.allclose(found[0].torque[:6], found[1].torque[:6])
 
 
-def test_a_torque_is_one_of_the_world_and_comes_back() -> None:
-    """Hinges are the axes of the palm's rotation; `action_for` undoes `command`; forces are along the frame."""
+def test_action_for_inverts_wrench_command() -> None:
+    """Hinges are the axes of the palm's rotation; forces are along the frame."""
     rng = np.random.default_rng(0)
     q, yaw, action = rng.uniform(-0.8, 0.8, (5, 6)), rng.uniform(-3, 3, 5), rng.uniform(-1, 1, (5, 24))
     small, axes = 1e-6, hinges(q)
@@ -148,8 +146,8 @@ def test_a_torque_is_one_of_the_world_and_comes_back() -> None:
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-def test_a_script_of_wrenches_succeeds(engine: str) -> None:
-    """Three objects, strict physics, 200 steps at 60 Hz: two or more are at the goal, so that the reward is attainable."""
+def test_scripted_wrenches_succeed(engine: str) -> None:
+    """Three objects, strict physics, 200 steps at 60 Hz: two or more reach the goal, so the reward is attainable."""
     tasks = [held_by_handle(), held_by_handle("screwdriver"), held_by_handle("knife", 3)]
     core = GraspWorlds(shadow(), tasks, GraspEnvConfig(engine=engine, physics=STRICT, action_mode="paper", steps=WRENCH_STEPS))
     played = rollout(core, SpringScript(), [np.random.default_rng(k) for k in range(3)])
@@ -160,8 +158,8 @@ def test_a_script_of_wrenches_succeeds(engine: str) -> None:
 
 @pytest.mark.filterwarnings("ignore:.*WARN")
 @pytest.mark.parametrize("engine", ENGINES)
-def test_gymnasium_is_content_and_what_is_saved_goes_on(engine: str) -> None:
-    """check_env finds nothing; random actions to the end; after a restore the same observations to the bit."""
+def test_check_env_and_restore(engine: str) -> None:
+    """check_env finds no fault; after a restore random actions give the same observations bit for bit."""
     made = env(engine=engine, action_mode="paper", steps=20)
     check_env(made, skip_render_check=True)
     made.reset(seed=1)
@@ -175,8 +173,8 @@ def test_gymnasium_is_content_and_what_is_saved_goes_on(engine: str) -> None:
     made.close()
 
 
-def test_rates_are_what_they_were() -> None:
-    """Servos with weight, 20 a second: places that a hand reached before there was another mode, to the micrometre."""
+def test_rate_actions_reach_recorded_poses() -> None:
+    """Servos with weight, 20 actions per second: recorded poses of a hand, to the micrometre."""
     config = GraspEnvConfig()
     assert (config.action_mode, config.control_s, Scene(shadow(), tool("screwdriver")).wrist) == ("rate", 0.05, "servo")
     made = env(engine="mujoco", layout="small")
@@ -188,8 +186,8 @@ def test_rates_are_what_they_were() -> None:
     made.close()
 
 
-def test_bases_are_refused() -> None:
-    """They give targets, and there are none."""
+def test_bases_are_refused_with_wrenches() -> None:
+    """A base gives targets, which wrenches do not have."""
     for base in ("script", "prior"):
         with pytest.raises(ValueError, match="expected none with action_mode=paper"):
             GraspEnvConfig(action_mode="paper", base=base, posture=(0.0,) * 24)

@@ -1,4 +1,4 @@
-"""Observations: their widths, what they may depend on, and that they do not depend on where the table's axes point."""
+"""Observation blocks: widths, dependence on roles, invariance to the orientation of the table."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ def moment() -> Snapshot:
     return out
 
 
-def test_the_published_layout_has_300_numbers() -> None:
-    """In the published order; the teacher has 300 more for N_t, the student no state of the object."""
+def test_paper_layout_has_300_numbers() -> None:
+    """The published order; the teacher has 300 more for N_t, the student no state of the object."""
     chosen = obs_blocks("paper", "prior")
     at = block_slices(chosen)
     names = ("q", "qd", "torque", "tips", "tip_force", "palm", "action", "object", "unused", "feature")
@@ -40,8 +40,8 @@ def test_the_published_layout_has_300_numbers() -> None:
 
 
 @pytest.mark.parametrize("layout", sorted(LAYOUTS))
-def test_blocks_are_as_wide_as_they_say(layout: str) -> None:
-    """Finite, in every role; a role sees what is its own."""
+def test_blocks_have_their_declared_width(layout: str) -> None:
+    """Finite in every role, with the blocks of the role."""
     now = moment()
     for role, groups in ROLES.items():
         found = observe(obs_blocks(layout, role), now)
@@ -51,8 +51,8 @@ def test_blocks_are_as_wide_as_they_say(layout: str) -> None:
 
 
 @pytest.mark.parametrize("layout", sorted(LAYOUTS))
-def test_turning_the_world_changes_nothing(layout: str) -> None:
-    """A moment that is turned about the vertical by any angle, and moved along the table, looks the same."""
+def test_observations_are_invariant_to_the_frame_of_the_table(layout: str) -> None:
+    """A state that is rotated about the vertical and moved along the table gives the same observation."""
     now, turn, shift = moment(), Rotation.from_euler("z", 0.9), np.array([0.2, -0.1, 0.0])
     state, episode = now.state, now.episode
 
@@ -76,8 +76,8 @@ def test_turning_the_world_changes_nothing(layout: str) -> None:
         assert other == pytest.approx(one, abs=1e-5), name
 
 
-def test_negative_points_are_seen_by_the_teacher_alone() -> None:
-    """Other N_t: the prior sees the same, the teacher does not."""
+def test_teacher_alone_observes_negative_points() -> None:
+    """Other N_t change the teacher's observation, not the prior's."""
     now = moment()
     other = replace(now, scenery=replace(now.scenery, N_object=now.scenery.N_object + 0.02))
     for role, same in (("prior", True), ("teacher", False), ("student", False)):
@@ -85,8 +85,8 @@ def test_negative_points_are_seen_by_the_teacher_alone() -> None:
         assert np.array_equal(observe(chosen, now), observe(chosen, other)) == same
 
 
-def test_fingertips_move_as_their_velocity_says() -> None:
-    """Of the paper's block, by differences of kinematics, turned into the yaw of the palm."""
+def test_fingertip_velocities_equal_finite_differences() -> None:
+    """The paper's block, by differences of kinematics, in the yaw of the palm."""
     from afford.grasping.hand.kinematics import forward_kinematics, points_on_links
 
     now = moment()
@@ -99,8 +99,8 @@ def test_fingertips_move_as_their_velocity_says() -> None:
     assert np.linalg.norm(block[:, 3:7], axis=1) == pytest.approx(1.0)
 
 
-def test_unknown_layouts_are_refused() -> None:
-    """And unknown roles."""
+def test_unknown_layouts_and_roles_are_refused() -> None:
+    """ValueError for each."""
     with pytest.raises(ValueError, match="got 'big' and 'teacher'"):
         obs_blocks("big", "teacher")
     with pytest.raises(ValueError, match="'pupil'"):

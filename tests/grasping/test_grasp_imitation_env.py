@@ -1,4 +1,4 @@
-"""People who grasp a tool anywhere along it, and a hand that rehearses that with the tool there."""
+"""Grasp imitation: human grasps along an object, and the worlds in which a hand follows them."""
 
 from __future__ import annotations
 
@@ -23,9 +23,7 @@ from tests.helpers.made_scenes import tool
 
 
 def test_targets_lie_in_the_object() -> None:
-    """The handle is across x, amid points of the surface, off the ends; the centre of mass is above the origin; every second one
-    is turned round; the same seed gives the same places and another one others.
-    """
+    """The handle is across x, amid surface points, off the ends; the centre of mass above the origin; every second one turned."""
     body = tool("spatula")
     found = grasp_targets.run(body, shadow(), grasp_targets.Params(places=4))
     ways = list[Rotation]()
@@ -47,9 +45,7 @@ def test_targets_lie_in_the_object() -> None:
 
 
 def test_references_begin_above_and_end_lifted() -> None:
-    """8 to 16 cm above the pinch, within 4 cm of the vertical; fingers bend by a radian and more from there; the object ends 20 cm
-    higher; all within 40 control steps.
-    """
+    """8 to 16 cm above the pinch, within 4 cm of the vertical; fingers bend by a radian or more; the object ends 20 cm higher."""
     for one in reference_set().references:
         last_of_reach = int(np.flatnonzero(one.phase == PHASES.index("reach"))[-1])
         way = one.T_world_palm[0, :3, 3] - one.T_world_palm[last_of_reach, :3, 3]
@@ -59,8 +55,8 @@ def test_references_begin_above_and_end_lifted() -> None:
         assert one.q[-1, 6:].sum() > one.q[0, 6:].sum() + 1.0
 
 
-def test_what_is_seen_is_what_the_prior_is_shown() -> None:
-    """AffordanceGrasp of the role prior, brought into the same state, gives the same observation."""
+def test_observation_equals_that_of_role_prior() -> None:
+    """AffordanceGrasp with the role prior gives the same observation in the same state."""
     made = rehearsing()
     rngs = [np.random.default_rng(k) for k in range(2)]
     made.reset(range(2), rngs)
@@ -77,10 +73,8 @@ def test_what_is_seen_is_what_the_prior_is_shown() -> None:
     other.close()
 
 
-def test_the_expert_lifts_and_tracks() -> None:
-    """Clips that are followed hold their object at the end, in most of a few episodes; level 1 is tracked within 2 cm. The proof
-    says the same of each clip alone.
-    """
+def test_expert_lifts_and_tracks() -> None:
+    """Clips hold their object at the end in most episodes; level 1 is tracked within 2 cm; the clip filter agrees."""
     made = rehearsing()
     good, level_1 = list[float](), list[float]()
     for episode in range(3):
@@ -99,8 +93,8 @@ def test_the_expert_lifts_and_tracks() -> None:
     assert found.shape == (len(clips),) and found.sum() >= len(clips) / 2
 
 
-def test_nobody_is_pulled_back_along_the_object() -> None:
-    """Moved along it by 4 cm, the expert goes down there: its action along x is as before, that across leads back."""
+def test_expert_does_not_pull_back_along_the_object() -> None:
+    """The expert descends at a displacement of 4 cm: its action along x is unchanged, that across leads back."""
     made = rehearsing()
     for along, across in ((0.04, 0.0), (0.0, 0.04)):
         rngs = [np.random.default_rng(k) for k in range(2)]
@@ -115,8 +109,8 @@ def test_nobody_is_pulled_back_along_the_object() -> None:
     made.close()
 
 
-def test_a_clip_is_turned_and_shifted_with_its_object() -> None:
-    """Where the palm should be, seen from the object, is what the clip has, whatever the yaw and the place."""
+def test_clip_is_rotated_and_shifted_with_its_object() -> None:
+    """The pose of the palm relative to the object is that of the clip, at every yaw and place."""
     made, clips = rehearsing(), reference_set().references
     rngs = [np.random.default_rng(k) for k in range(2)]
     made.reset(range(2), rngs)
@@ -131,8 +125,8 @@ def test_a_clip_is_turned_and_shifted_with_its_object() -> None:
     made.close()
 
 
-def test_save_and_restore_and_same_seed_same_trajectory() -> None:
-    """To the bit."""
+def test_same_seed_same_trajectory_and_restore() -> None:
+    """Equal bit for bit."""
     made = rehearsing(shift_m=0.02, astray=(0.005, 0.02, 0.02))
 
     def run(seed: int, steps: int) -> np.ndarray:
@@ -153,7 +147,7 @@ def test_save_and_restore_and_same_seed_same_trajectory() -> None:
     made.close()
 
 
-def test_what_cannot_be_rehearsed_is_refused() -> None:
+def test_missing_clips_and_posture_are_refused() -> None:
     """An object without a clip; a base that needs a posture."""
     with pytest.raises(ValueError, match="a clip that grasps hammer"):
         type(rehearsing())(shadow(), [make_task(tool("hammer"))], reference_set().references, rehearsing().config)
@@ -161,8 +155,8 @@ def test_what_cannot_be_rehearsed_is_refused() -> None:
         replace(rehearsing().grasping.config, posture=())
 
 
-def test_the_prior_begins_over_the_aim() -> None:
-    """A posture is meant from the aim: turned with it and shifted to its place; fingers as they are."""
+def test_prior_begins_over_the_aim() -> None:
+    """A posture is relative to the aim: rotated with it and shifted to its place, with the same fingers."""
     made = rehearsing()
     posture = np.arange(24) / 100
     for yaw in (0.0, 0.7):

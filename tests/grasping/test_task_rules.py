@@ -1,4 +1,4 @@
-"""What an object may be grasped for: by the lexicon, where a hand can hold it."""
+"""Rules that derive grasp tasks from the lexicon."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def made(category: str, split: str = "train", **params: object) -> tuple[GraspTa
     return grasp_tasks.run(spec, tool(category, 1), replace(grasp_tasks.Params(), **{"within_m": 1.0, **params}))  # type: ignore[arg-type]  # named
 
 
-def test_a_use_forbids_parts_and_holds_another() -> None:
+def test_use_has_negative_parts_and_another_to_hold() -> None:
     for category in ("knife", "hammer", "brush", "spatula", "shovel"):
         for one in made(category):
             assert one.hold in one.body.parts and one.hold not in one.negative and set(one.negative) <= set(one.body.parts)
@@ -29,20 +29,20 @@ def test_a_use_forbids_parts_and_holds_another() -> None:
             assert {tuple(p) for p in one.N_t.tolist()} <= {tuple(p) for p in points.astype(float).tolist()}
 
 
-def test_one_thing_has_uses_that_forbid_different_parts() -> None:
+def test_uses_of_one_object_have_different_negative_parts() -> None:
     dig, hand_over = made("shovel")
     assert "handle" not in dig.negative and "handle" in hand_over.negative and hand_over.hold == "shaft"
     assert from_grasp_task(dig).hold == from_grasp_task(hand_over).hold and not np.array_equal(dig.N_t, hand_over.N_t)
     assert len({one.name for one in made("shovel")}) == 2
 
 
-def test_a_part_without_room_beside_what_is_forbidden_is_not_held() -> None:
-    """The head of a brush is long enough, but bristles and handle are around it."""
+def test_part_too_close_to_negative_parts_is_not_held() -> None:
+    """The head of a brush is long enough, but bristles and handle surround it."""
     body = tool("brush", 1)
     assert holdable(body, "head", np.zeros((0, 3)), 0.05, (0.009, 0.06)) and [one.hold for one in made("brush")] == ["handle"]
 
 
-def test_a_thin_blade_on_the_table_is_not_held() -> None:
+def test_thin_blade_on_the_table_is_not_held() -> None:
     assert [one.hold for one in made("knife")] == ["handle"]
     assert not holdable(tool("knife", 1), "blade", np.zeros((0, 3)), 0.07, (0.009, 0.06)) and not made("knife", least_length_m=0.5)
 
@@ -52,7 +52,7 @@ def test_levels_come_from_splits() -> None:
     assert made("hammer", level="unseen_size")[0].level == "unseen_size"
 
 
-def test_another_size_is_the_same_thing_larger() -> None:
+def test_scaled_object_has_the_same_density() -> None:
     body = tool("hammer", 1)
     large = scaled(body, 1.5)
     assert large.mass_kg == pytest.approx(1.5**3 * body.mass_kg) and large.size_m == pytest.approx(1.5 * body.size_m)
@@ -62,15 +62,15 @@ def test_another_size_is_the_same_thing_larger() -> None:
     assert len(set(names)) == len(names) and any("x0.9" in name for name in names)
 
 
-def test_what_cannot_be_is_refused() -> None:
+def test_wrong_scales_and_categories_are_refused() -> None:
     with pytest.raises(ValueError, match="numbers above 0"):
         made("hammer", scales=(0.0,))
     with pytest.raises(ValueError, match="category of the lexicon"):
         grasp_tasks.run(ObjectSpec("x", "x", 1, "plain", "train"), tool("hammer", 1), grasp_tasks.Params())
 
 
-def test_what_is_forbidden_far_away_asks_nothing() -> None:
-    """The face of a hammer is far from where one would hold it."""
+def test_far_negative_parts_give_no_task() -> None:
+    """The face of a hammer is far from the usual place of a grasp."""
     first, body = made("hammer")[0], tool("hammer", 1)
     away = negative_distance(body, first.N_t)
     assert 0.03 < away < body.size_m.max()
@@ -78,7 +78,7 @@ def test_what_is_forbidden_far_away_asks_nothing() -> None:
     assert first.name in [one.name for one in made("hammer", within_m=away + 0.001)]
 
 
-def test_a_heavy_head_draws_the_centre_of_mass_and_weighs_what_it_should() -> None:
+def test_ballast_moves_the_centre_of_mass_and_adds_mass() -> None:
     body = tool("knife", 1)
     heavy = with_ballast(body, ("blade",), 6.0)
     blade = np.concatenate([h for h, part in zip(body.hulls(), body.hull_part, strict=True) if body.parts[part] == "blade"])

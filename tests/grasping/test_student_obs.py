@@ -1,4 +1,4 @@
-"""What the student sees, and that nothing of the object's state comes through but what cameras show."""
+"""Observation of the student: nothing of the object's state passes through except what cameras show."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ def in_the_palm(core: GraspWorlds, seed: int) -> np.ndarray:
     return np.concatenate([places, quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True)], axis=1)
 
 
-def test_only_pictures_senses_and_negative_points_go_in() -> None:
-    """By the one function that makes what a student sees: its arguments, and what its module and the senses' may import."""
+def test_inputs_are_images_proprioception_and_negative_points() -> None:
+    """Check the arguments of `student_obs`, the imports of its module, and the fields of its inputs."""
     assert list(inspect.signature(student_obs).parameters) == ["images", "own", "N_t", "any_N", "cameras", "body", "start", "eyes"]
     found = {name.name for node in ast.walk(ast.parse(inspect.getsource(student_obs_module))) if isinstance(node, ast.ImportFrom)
              for name in node.names}  # fmt: skip
@@ -49,10 +49,8 @@ def test_only_pictures_senses_and_negative_points_go_in() -> None:
 
 @pytest.mark.parametrize("layout", ["small", "paper"])
 @pytest.mark.parametrize("seed", range(3))
-def test_what_cannot_be_seen_or_felt_changes_no_bit(layout: str, seed: int) -> None:
-    """An object that is inside the palm, at two poses there; its velocity, spin, goal and mass; on which part the hand presses; how
-    deep; how much is in contact. The teacher, which is told, sees another world.
-    """
+def test_invisible_state_changes_no_bit(layout: str, seed: int) -> None:
+    """Pose of an object inside the palm, velocity, spin, goal, mass, touched part, depth; the teacher's observation changes."""
     rng, core = np.random.default_rng(seed), worlds(crumb(), base="script", xy_m=0.02)
     core.step(rng.uniform(-1, 1, (1, 24)), rngs(core))
     look = StudentObserver(core, StudentSensors(eyes=CloudSampling(layout=layout)))
@@ -71,8 +69,8 @@ def test_what_cannot_be_seen_or_felt_changes_no_bit(layout: str, seed: int) -> N
     core.close()
 
 
-def test_what_can_be_seen_is_seen() -> None:
-    """An object that has moved in front of the cameras by 2 cm looks otherwise, there and nowhere else."""
+def test_visible_motion_changes_the_cloud() -> None:
+    """An object moved by 2 cm in front of the cameras changes its part of the cloud, and nothing else."""
     core = worlds(base="script")
     look = StudentObserver(core, StudentSensors())
     look.observe()
@@ -85,8 +83,8 @@ def test_what_can_be_seen_is_seen() -> None:
     assert not np.array_equal(before.cloud[:, 256:], after.cloud[:, 256:])
 
 
-def test_negative_points_stay_where_they_were_first_seen_unless_they_are_tracked() -> None:
-    """The paper's way needs the object's pose; the default does not."""
+def test_negative_points_stay_at_first_look_unless_tracked() -> None:
+    """Tracking, as in the paper, needs the object's pose; the default does not."""
     core = worlds()
     first, tracked = StudentObserver(core, StudentSensors()), StudentObserver(core, StudentSensors(n_t="tracked"))
     before = first.observe().N, tracked.observe().N
@@ -99,8 +97,8 @@ def test_negative_points_stay_where_they_were_first_seen_unless_they_are_tracked
     assert after[1] - before[1] == pytest.approx(np.broadcast_to([0, 0, 0.1], after[1].shape), abs=2e-3)
 
 
-def test_clouds_are_where_things_are() -> None:
-    """The object's half is within 2 mm of its hulls' box, the hand's near the middle of the palm; on the start's axes."""
+def test_clouds_lie_on_hand_and_object() -> None:
+    """The object's half is within 2 mm of the box of its hulls, the hand's near the palm's middle; on the axes of the start."""
     core = worlds(base="script")
     look = StudentObserver(core, StudentSensors())
     seen, points = look.observe(), [shape.at(pose) for shape, pose in zip(look.bodies, core.state().body, strict=True)]
@@ -115,8 +113,8 @@ def test_clouds_are_where_things_are() -> None:
     assert seen.robot[:, -3:].tolist() == [[1, 1, 1], [1, 1, 1]]
 
 
-def test_an_object_out_of_sight_is_nowhere() -> None:
-    """Zeros, and it says so; without negative points too."""
+def test_object_out_of_sight_gives_zeros() -> None:
+    """The flags of visibility are 0, also without negative points."""
     core = worlds(held_by_handle())
     core.scenery.any_negative[:] = False
     put(core, body=core.state().body + np.array([9.0, 0, 0, 0, 0, 0, 0]))
@@ -127,8 +125,8 @@ def test_an_object_out_of_sight_is_nowhere() -> None:
 
 
 @pytest.mark.parametrize("layout", sorted(LAYOUTS))
-def test_a_robot_is_numbers_by_itself(layout: str) -> None:
-    """The blocks R of every layout need no object: what they would look up of one is not a number."""
+def test_robot_blocks_need_no_object(layout: str) -> None:
+    """The blocks R of every layout stay finite although all quantities of the object are NaN."""
     core = worlds(base="script")
     core.step(np.full((2, 24), 0.3), rngs(core))
     found = StudentObserver(core, StudentSensors(eyes=CloudSampling(layout=layout))).observe().robot
@@ -139,10 +137,8 @@ def test_a_robot_is_numbers_by_itself(layout: str) -> None:
 
 @pytest.mark.parametrize("base", ["none", "script"])
 @pytest.mark.parametrize("start", ["part", "anywhere"])
-def test_actions_turn_into_the_start_and_back(base: str, start: str) -> None:
-    """To what they were. And the axes of the environment's actions are those of the start, turned by one angle that is the same in
-    every episode: whoever knows where the hand began knows them, and needs no object's pose.
-    """
+def test_actions_convert_to_the_start_frame_and_back(base: str, start: str) -> None:
+    """The axes of the environment's actions are those of the start, rotated by one angle that is the same in every episode."""
     between = []
     for seed in range(4):
         core = worlds(base=base, start=start, seed=seed)
@@ -157,8 +153,8 @@ def test_actions_turn_into_the_start_and_back(base: str, start: str) -> None:
     assert np.abs(np.array(between) - between[0]).max() < 1e-9
 
 
-def test_noise_of_depth_is_there_where_worlds_differ() -> None:
-    """And is the same for the same seed."""
+def test_depth_noise_in_randomised_worlds() -> None:
+    """The same seed gives the same noise."""
     core = worlds(randomise=True)
     looks = [StudentObserver(core, StudentSensors(), seed) for seed in (1, 1, 2)]
     found = [look.observe().cloud for look in looks]
@@ -167,8 +163,8 @@ def test_noise_of_depth_is_there_where_worlds_differ() -> None:
     assert np.array_equal(found[0], found[1]) and not np.array_equal(found[0], found[2])
 
 
-def test_farthest_points_are_farther_apart() -> None:
-    """Than pixels taken evenly; both as many as asked for."""
+def test_farthest_point_sampling_spreads_points() -> None:
+    """Points are farther apart than pixels at even intervals; both samples have the requested size."""
     core = worlds(held_by_handle())
     observers = [StudentObserver(core, StudentSensors(eyes=CloudSampling(64, sampling))) for sampling in SAMPLINGS]
     clouds = [one.observe().cloud[0, 32:].astype(float) for one in observers]
@@ -180,6 +176,6 @@ def test_farthest_points_are_farther_apart() -> None:
 
 @pytest.mark.parametrize(("make", "wrong"), [
     (StudentSensors, {"n_t": "guessed"}), (CloudSampling, {"points": 3}), (CloudSampling, {"sampling": "random"})])  # fmt: skip
-def test_senses_that_cannot_be_are_refused(make: Any, wrong: dict[str, Any]) -> None:
+def test_wrong_sensors_are_refused(make: Any, wrong: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match=f"{next(iter(wrong))}: expected"):
         make(**wrong)
