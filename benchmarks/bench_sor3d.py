@@ -29,7 +29,7 @@ SELF = Path(__file__).name
 PAGE, README, PICTURE = ROOT / "docs" / "rgbd" / "sor3d.md", ROOT / "README.md", ROOT / "docs" / "pictures" / "sor3d.jpg"
 QUALITY = 88
 FIGURES = ("iou", "f", "fw")
-CAPTION = "Sequences of validation: last frame, truth, what was said of the video and of the last frame alone, attention"
+CAPTION = "Sequences of validation: last frame, truth, prediction of the video and of the last frame alone, attention"
 
 
 def main() -> None:
@@ -113,7 +113,7 @@ def short(numbers: dict[str, float]) -> str:
         ours = [f"{numbers[f'{mode}.{name}']:.3f}" for name in FIGURES]
         return f"| {' | '.join((words, *ours, *(f'{value:.2f}' for value in ablation_rows.PUBLISHED_MODEL[mode])))} |\n"
 
-    head = "| | IoU | F | weighted F | paper: IoU | F | weighted F |\n|---|--:|--:|--:|--:|--:|--:|\n"
+    head = "| | IoU | F | weighted F | paper, its data: IoU | F | weighted F |\n|---|--:|--:|--:|--:|--:|--:|\n"
     return head + line("video", "videos") + line("static", "pictures")
 
 

@@ -31,8 +31,8 @@ def test_the_grid_is_the_papers() -> None:
     assert points[::16, 1] == pytest.approx(np.arange(1, 17) * 800 / 17) and np.ptp(points[:16, 1]) == 0
 
 
-def test_every_point_gives_three_masks_at_the_size_of_the_picture(folder: Path) -> None:
-    """In passes of any size the same; a wide picture is not stretched."""
+def test_three_masks_for_each_point_at_the_size_of_the_picture(folder: Path) -> None:
+    """Equal masks for any batch of points; a wide picture is not stretched."""
     model, rgb = load_model(str(folder)), np.random.default_rng(0).integers(0, 255, (60, 90, 3), np.uint8)
     points = grid_points(3, 60, 90)
     masks, iou = segment_everything(model, rgb, ALL, points)
@@ -41,7 +41,7 @@ def test_every_point_gives_three_masks_at_the_size_of_the_picture(folder: Path) 
     assert (again == masks).mean() > 0.999 and same == pytest.approx(iou, abs=1e-5)
 
 
-def test_what_is_not_sure_or_not_stable_is_left_out(folder: Path) -> None:
+def test_masks_of_low_iou_or_stability_are_dropped(folder: Path) -> None:
     """Thresholds in the middle keep those above them."""
     model, rgb = load_model(str(folder)), np.random.default_rng(0).integers(0, 255, (64, 64, 3), np.uint8)
     points = grid_points(3, 64, 64)
@@ -53,13 +53,13 @@ def test_what_is_not_sure_or_not_stable_is_left_out(folder: Path) -> None:
 
 
 def test_stability_is_the_overlap_of_two_cuts() -> None:
-    """By hand: of four pixels above -1 two are above 1."""
+    """Two of four pixels above -1 are above 1."""
     logits = torch.tensor([[[2.0, 3.0], [0.5, -0.5]], [[-5.0, -5.0], [-5.0, -5.0]]])
     assert stability(logits, 1.0).tolist() == [0.5, 0.0]
 
 
 def test_the_stage_keeps_masks_on_the_object(folder: Path) -> None:
-    """None beside it, none of them twice; without a model the sentence says what is missing."""
+    """No mask is off the object, and no mask is there twice; without a model the error says what is missing."""
     x = looked()
     params = mask_propose.Params("sam", sam=Sam(str(folder), grid=6, least_iou=-9.0, least_stability=0.0, least_px=5))
     found = mask_propose.run(x.mesh, x.views, params)

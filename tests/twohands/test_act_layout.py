@@ -1,4 +1,4 @@
-"""Synthetic benchmark in ActAffordance's folders, written and read back."""
+"""The synthetic benchmark on disk: ActAffordance's folders, read back as they were meant."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ THING = slice(20, 40), slice(30, 60)
 
 
 def narration(number: int, text: str) -> Narration:
-    """Build a task."""
+    """A task."""
     return Narration(f"P95_01_{number}", 1, 1, text, "take", 0, "take", "mug", 13, "cup", ("mug",))
 
 
 def mode(taxonomy: int, weight: float, shift: int = 0) -> Mode:
-    """Build a mode by taxonomy: left hand at the left end of the object, right hand at the right end."""
+    """Left hand at the left end of the thing, right hand at the right end, as the taxonomy says."""
     masks = np.zeros((4, HEIGHT, WIDTH), bool)
     active = (taxonomy != 1, taxonomy != 0)
     for side, column in enumerate((32, 52)):
@@ -38,25 +38,25 @@ def mode(taxonomy: int, weight: float, shift: int = 0) -> Mode:
 
 
 def still(number: int, *modes: Mode, text: str = "take mug") -> Still:
-    """Build one task of the only image."""
+    """One task of the only picture."""
     return Still(number, 0, narration(number, text), ("mug",), False, modes)
 
 
 def room(*stills: Still, setting: str = "kitchen") -> Stills:
-    """Build a room with one image, half as large as its masks."""
+    """A room with one picture, half as large as its masks."""
     rgb = np.random.default_rng(0).integers(0, 255, (HEIGHT // 2, WIDTH // 2, 3), np.uint8)
     jpeg = cv2.imencode(".jpg", rgb)[1].reshape(-1)
     return Stills("P95_01", "P95", "test", setting, WIDTH // 2, HEIGHT // 2, (Picture(jpeg),), stills)
 
 
 def written(folder: Path, *rooms: Stills) -> Path:
-    """Write the benchmark of some rooms."""
+    """The benchmark of some rooms."""
     act_affordance.write_benchmark(folder, rooms, "test", MARGIN, lambda done, total: None)
     return folder
 
 
-def test_published_files_and_modes_of_a_task(tmp_path: Path) -> None:
-    """The most likely mode has the published names, other modes have names of their own, a missing hand is null."""
+def test_a_task_has_the_published_files_and_all_its_modes(tmp_path: Path) -> None:
+    """The likeliest mode under the published names, the others beside them, a missing hand as no file and null."""
     root = written(tmp_path, room(still(1, mode(1, 0.6), mode(0, 0.3), mode(2, 0.1))))
     for kind in ("masks", "cropped"):
         folder = root / kind / "P95_01" / "0000001"
@@ -70,7 +70,7 @@ def test_published_files_and_modes_of_a_task(tmp_path: Path) -> None:
 
 
 def test_the_annotation_has_the_published_keys(tmp_path: Path) -> None:
-    """The annotation has seven keys and the report rows of the task."""
+    """Seven of them, and what rows of the report the task counts in."""
     root = written(tmp_path, room(still(1, mode(1, 1.0))))
     said = json.loads((root / "masks/P95_01/0000001/annotation.json").read_text())
     assert said == {"taxonomy": [0, 1, 0, 0], "obj_left": None, "obj_right": "mug", "narration": "take mug", "noun": "mug",
@@ -78,7 +78,7 @@ def test_the_annotation_has_the_published_keys(tmp_path: Path) -> None:
 
 
 def test_masks_are_padded_above_and_crops_are_cut_with_a_margin(tmp_path: Path) -> None:
-    """Full masks are squares padded above, crops are the objects' box with 50 px of 855 around it."""
+    """Full masks are squares with the picture below, crops are the objects' box and 50 px of 855 around it."""
     one = mode(2, 1.0)
     root = written(tmp_path, room(still(1, one)))
     full = cv2.imread(str(root / "masks/P95_01/0000001/aff_left.png"), cv2.IMREAD_UNCHANGED)
@@ -93,8 +93,8 @@ def test_masks_are_padded_above_and_crops_are_cut_with_a_margin(tmp_path: Path) 
     assert cv2.imread(str(root / "cropped/P95_01/0000001/inpainting.png")).shape[:2] == crop.shape
 
 
-def test_benchmark_reader_restores_the_cases(tmp_path: Path) -> None:
-    """Cases have every mode and their rows, without notes."""
+def test_the_benchmark_reads_it_back(tmp_path: Path) -> None:
+    """Cases with all modes, in their groups, without notes."""
     stills = (still(1, mode(1, 0.7), mode(0, 0.3)), still(2, mode(2, 1.0, shift=6), text="lift mug"))
     root = written(tmp_path, room(*stills))
     read = [cases.read(case) for case in act_affordance.cases(files.tree("test", root))]
@@ -105,7 +105,7 @@ def test_benchmark_reader_restores_the_cases(tmp_path: Path) -> None:
 
 
 def test_groups_say_whether_the_text_decides_and_tells_the_hands(tmp_path: Path) -> None:
-    """Two tasks with the same region do not need the text; equal words with equal hands determine the hands."""
+    """Two tasks of a picture that want the same place do not need the text; the same words with the same hand tell the hand."""
     same = written(tmp_path / "same", room(still(1, mode(1, 1.0)), still(2, mode(1, 1.0))))
     apart = written(tmp_path / "apart", room(still(1, mode(1, 1.0)), still(2, mode(0, 1.0)), setting="desk"))
     groups = [[task["groups"] for task in json.loads((root / "stills.json").read_text())["stills"]] for root in (same, apart)]
@@ -113,7 +113,7 @@ def test_groups_say_whether_the_text_decides_and_tells_the_hands(tmp_path: Path)
 
 
 def test_an_empty_benchmark_is_refused(tmp_path: Path) -> None:
-    """The error is one sentence with a remedy."""
+    """One sentence says what to do."""
     with pytest.raises(ValueError, match="there is no still to write; plan more rooms"):
         written(tmp_path, room())
 
@@ -121,4 +121,4 @@ def test_an_empty_benchmark_is_refused(tmp_path: Path) -> None:
 def test_stills_read_no_source(tmp_path: Path) -> None:
     """A source that would be ignored is refused."""
     refused = call("run", "train-set", "--source", tmp_path, "--store", tmp_path / "store")
-    assert refused.code == 2 and "renders its own data and reads no source" in refused.words
+    assert refused.code == 2 and "renders its own rooms" in refused.words

@@ -88,8 +88,8 @@ def test_a_broken_request_is_400_and_a_sentence(request_: bytes, hint: str, capf
     assert capfd.readouterr().err == ""
 
 
-def test_a_body_that_was_not_read_is_no_request() -> None:
-    """After a refusal that leaves the body unread the connection ends."""
+def test_an_unread_body_is_not_parsed_as_a_request() -> None:
+    """The connection ends after a refusal that leaves the body unread."""
     with serving() as site, connected(site) as connection:
         connection.sendall(post("task=x", post("task=hidden"), **{"Content-Length": "x"}))
         assert reply(connection)[0] == 400 and connection.recv(1) == b""
@@ -99,7 +99,7 @@ def test_a_body_that_was_not_read_is_no_request() -> None:
 
 
 def dribbled(site: Site, start: bytes, piece: bytes) -> tuple[int, bytes]:
-    """How many pieces were sent until the server answered or closed, and what it sent."""
+    """Number of pieces sent until the server answered or closed, and the reply."""
     with connected(site) as connection:
         connection.sendall(start)
         for count in range(MANY):
@@ -123,7 +123,7 @@ def test_half_a_request_is_left_at_its_deadline(start: bytes, monkeypatch: pytes
 
 
 def test_a_slow_body_is_408(monkeypatch: pytest.MonkeyPatch) -> None:
-    """And a slow one that is too long anyway is 413."""
+    """A slow body beyond the size limit is 413."""
     monkeypatch.setattr(server, "BODY_S", 0.4)
     monkeypatch.setattr(server, "HEAD_S", 0.4)
     with serving() as site:
@@ -176,7 +176,7 @@ def test_connections_at_once_are_bounded(monkeypatch: pytest.MonkeyPatch, capfd:
 
 
 @pytest.mark.parametrize("sent", [b"", b"GET / HTTP/1.1\r\n", HELLO], ids=["nothing", "half a request", "a whole one, kept open"])
-def test_silent_connections_keep_nobody_out(sent: bytes, monkeypatch: pytest.MonkeyPatch,
+def test_silent_connections_block_no_client(sent: bytes, monkeypatch: pytest.MonkeyPatch,
                                             capfd: pytest.CaptureFixture[str]) -> None:  # fmt: skip
     """Many more than may be open: the oldest of them give way, every visitor is answered, threads do not pile up."""
     monkeypatch.setattr(bounded_server, "MAX_CONNECTIONS", 8)
@@ -235,8 +235,8 @@ def test_bodies_in_memory_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("sent", [b"", b"GET / HT", post("task=x"), post("task=x", b"", **{"Content-Length": "4000"})],
                          ids=["nothing", "half a line", "all", "no body"])  # fmt: skip
-def test_a_visitor_who_leaves_is_no_failure(sent: bytes, capfd: pytest.CaptureFixture[str]) -> None:
-    """At any moment, with a reset; nothing on the terminal."""
+def test_a_client_that_leaves_is_not_a_failure(sent: bytes, capfd: pytest.CaptureFixture[str]) -> None:
+    """A reset at any moment prints nothing."""
     left, before = threading.Event(), threading.active_count()
 
     def answers(data: bytes, task: str, hands: str) -> dict[str, Any]:

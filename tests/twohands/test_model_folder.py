@@ -30,7 +30,7 @@ def test_a_saved_model_answers_the_same(folder: Path) -> None:
     assert load_model(folder).config == TINY
 
 
-def test_what_a_training_published_is_a_model_too(folder: Path, tmp_path: Path) -> None:
+def test_a_published_training_is_a_model_folder(folder: Path, tmp_path: Path) -> None:
     """The folder above `model/` loads as the model itself; a folder with neither is refused by its own name."""
     (tmp_path / "published").mkdir()
     folder.rename(tmp_path / "published" / "model")
@@ -47,7 +47,7 @@ def test_two_files_and_always_the_same_bytes(folder: Path, tmp_path: Path) -> No
     assert all((folder / name).read_bytes() == (tmp_path / "again" / name).read_bytes() for name in names)
 
 
-def test_every_tensor_that_does_not_fit_is_named(folder: Path) -> None:
+def test_tensors_that_do_not_fit_are_named(folder: Path) -> None:
     """A missing, an extra and a misshaped one in one sentence."""
     weights = load_file(folder / "model.safetensors")
     weights["decoder.fine.bias"] = torch.zeros(5)

@@ -1,4 +1,4 @@
-"""From an image to a Prediction at the image's own size, the letter-box between them, and which hands come back."""
+"""Predictor: letter-box, predictions at the image's own size, and selection of hands."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is said of a picture and of its mirror image, averaged."""
+"""Predictions averaged over a picture and its mirror image."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def picture(seed: int) -> np.ndarray:
     return np.repeat(np.repeat(coarse, 8, 0), 8, 1)
 
 
-def told(seed: int, k: int = 3) -> RawPrediction:
+def raw_prediction(seed: int, k: int = 3) -> RawPrediction:
     """Any answer."""
     rng = np.random.default_rng(seed)
     probability, score = rng.random((2, k, 6, 8), np.float32), torch.from_numpy(rng.normal(size=(2, k)))
@@ -29,13 +29,13 @@ def told(seed: int, k: int = 3) -> RawPrediction:
 
 
 def of_mirror(one: RawPrediction, order: list[int]) -> RawPrediction:
-    """What a model that knows no side says of the mirror image, its regions in another order."""
+    """Prediction of a side-blind model for the mirror image, with its regions in another order."""
     return RawPrediction(one.probability[::-1, order, :, ::-1], one.score.flip(0)[:, order], one.taxonomy[list(MIRRORED)], None)
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_mirrored_question_has_the_mirrored_answer(seed: int) -> None:
-    """Of any model: hands, words and picture exchanged, the same regions on the other side."""
+    """A mirrored picture with exchanged words gives the mirrored regions of the other hand, for any model."""
     predictor, image = Predictor(build(TINY, seed)), picture(seed)
     here, there = predictor.predict(image, TASK), predictor.predict(mirror_image(image), swap_sides(TASK))
     assert there.taxonomy == pytest.approx(here.taxonomy[list(MIRRORED)], abs=1e-5)
@@ -44,9 +44,9 @@ def test_a_mirrored_question_has_the_mirrored_answer(seed: int) -> None:
 
 
 @pytest.mark.parametrize("order", [[0, 1, 2], [2, 0, 1], [1, 0, 2]])
-def test_who_says_the_same_of_both_is_not_changed(order: list[int]) -> None:
-    """In whatever order the regions come: each is averaged with itself."""
-    one = told(0)
+def test_equal_predictions_are_not_changed(order: list[int]) -> None:
+    """Each region is averaged with itself, for any order of the regions."""
+    one = raw_prediction(0)
     both = merge_mirrored(one, of_mirror(one, order))
     assert np.allclose(both.probability, one.probability) and both.taxonomy == pytest.approx(one.taxonomy)
     assert torch.allclose(both.score.softmax(-1), one.score.softmax(-1))
@@ -54,7 +54,7 @@ def test_who_says_the_same_of_both_is_not_changed(order: list[int]) -> None:
 
 def test_one_of_the_two_alone_changes_half() -> None:
     """Regions lie between both opinions, in the middle."""
-    one, other = told(1, k=1), told(2, k=1)
+    one, other = raw_prediction(1, k=1), raw_prediction(2, k=1)
     both = merge_mirrored(one, of_mirror(other, [0]))
     assert np.allclose(both.probability, (one.probability + other.probability) / 2)
 

@@ -1,4 +1,4 @@
-"""The second look: what is small is asked about again in its crop; what fills the picture, or is not found, is not."""
+"""Second look of the predictor at the crop of a small object."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ SIZE = (64, 96)
 
 
 class Bright(TwoHands):
-    """What is bright is the object, and the region of the right hand; the left hand is idle. It counts how often it was asked."""
+    """Model whose object and right-hand region are the bright pixels; the left hand is idle. It counts its forward passes."""
 
-    def __init__(self, tells_objects: bool = True) -> None:
+    def __init__(self, with_objects: bool = True) -> None:
         super().__init__()
-        self.config, self.tells, self.asked = ModelConfig(size_px=SIZE), tells_objects, 0
+        self.config, self.with_objects, self.passes = ModelConfig(size_px=SIZE), with_objects, 0
 
     def forward(self, batch: Batch) -> Output:
-        self.asked += 1
+        self.passes += 1
         bright = 40 * (avg_pool2d(batch.image.mean(1), 4) - 0.75)
         both = bright[:, None].expand(-1, 2, -1, -1)
-        told = torch.tensor([[0.0, 3.0, -9.0, -9.0]]).expand(len(bright), -1)
-        return Output(both[:, :, None], bright.new_zeros(len(bright), 2, 1), told, None, both if self.tells else None)
+        raw = torch.tensor([[0.0, 3.0, -9.0, -9.0]]).expand(len(bright), -1)
+        return Output(both[:, :, None], bright.new_zeros(len(bright), 2, 1), raw, None, both if self.with_objects else None)
 
 
 def picture(top: int, left: int, side: int) -> np.ndarray:
@@ -49,8 +49,8 @@ def test_a_small_thing_is_seen_more_exactly(at: tuple[int, int]) -> None:
     """Two passes; the region is nearer to the truth than after one, in the place of the whole picture, and nowhere else."""
     model, image = Bright(), picture(*at, 27)
     once, twice = (Predictor(model, mirror=False).predict(image, "take it", looks=looks) for looks in (1, 2))
-    assert model.asked == 3 and twice.probability.shape == once.probability.shape == (2, 1, 128, 192)
-    found = [overlap(said.mask("right"), inside(image)) for said in (once, twice)]
+    assert model.passes == 3 and twice.probability.shape == once.probability.shape == (2, 1, 128, 192)
+    found = [overlap(prediction.mask("right"), inside(image)) for prediction in (once, twice)]
     assert found[1] > 0.9 and found[1] > found[0] + 0.02
     border = round(BORDER * 192) + 4
     far = np.ones((128, 192), bool)
@@ -58,24 +58,25 @@ def test_a_small_thing_is_seen_more_exactly(at: tuple[int, int]) -> None:
     assert not twice.probability[:, :, far].any() and not twice.mask("left").any()
 
 
-@pytest.mark.parametrize(("image", "tells"), [(picture(0, 0, 128), True), (picture(0, 0, 0), True), (picture(50, 90, 27), False)])
-def test_one_look_is_enough(image: np.ndarray, tells: bool) -> None:
-    """Of what is large, what is not there, and by a model that does not tell the object: one pass, and the same answer."""
-    model = Bright(tells)
+@pytest.mark.parametrize(("image", "with_objects"), [
+    (picture(0, 0, 128), True), (picture(0, 0, 0), True), (picture(50, 90, 27), False)])
+def test_one_look_is_enough(image: np.ndarray, with_objects: bool) -> None:
+    """One pass and an equal prediction for a large object, for no object, and for a model without complete objects."""
+    model = Bright(with_objects)
     once, twice = (Predictor(model, mirror=False).predict(image, "take it", looks=looks) for looks in (1, 2))
-    assert model.asked == 2 and np.array_equal(once.probability, twice.probability)
+    assert model.passes == 2 and np.array_equal(once.probability, twice.probability)
 
 
 def test_a_batch_looks_twice_only_at_what_is_small() -> None:
-    """Answers come in the order of the questions, each as if asked alone."""
+    """Answers come in the order of the questions, each as if passes alone."""
     model, images = Bright(), [picture(0, 0, 128), picture(50, 90, 27), picture(0, 0, 0), picture(10, 20, 30)]
     together = Predictor(model, mirror=False).predict_batch(images, ["take it"] * 4)
-    assert model.asked == 2
-    for image, said in zip(images, together, strict=True):
-        assert np.allclose(said.probability, Predictor(model, mirror=False).predict(image, "take it").probability, atol=1e-6)
+    assert model.passes == 2
+    for image, prediction in zip(images, together, strict=True):
+        assert np.allclose(prediction.probability, Predictor(model, mirror=False).predict(image, "take it").probability, atol=1e-6)
 
 
-def test_both_looks_vote() -> None:
+def test_taxonomies_of_both_looks_are_averaged() -> None:
     """The geometric mean of the taxonomies, which sums to 1; scores and regions of the second look."""
     objects = torch.full((2, 16, 24), -9.0)
     objects[1, 4:8, 4:8] = 9.0
@@ -91,9 +92,9 @@ def test_both_looks_vote() -> None:
 
 
 @pytest.mark.parametrize("size", [(1, 1), (1, 2), (2, 1), (3, 2)])
-def test_what_vanishes_at_the_size_of_the_picture_is_not_looked_at_again(size: tuple[int, int]) -> None:
+def test_objects_between_the_pixels_of_a_tiny_picture_are_not_cropped(size: tuple[int, int]) -> None:
     """A picture of a few pixels: the object lies between the points that are kept, and no empty crop is made of it."""
     objects = torch.full((2, 16, 24), -9.0)
     objects[1, 6, 7] = 9.0
-    told = RawPrediction(np.zeros((2, 1, *size), np.float32), torch.zeros(2, 1), np.float32([0.2, 0.8, 0, 0]), objects)
-    assert crop_window(told, SIZE) is None
+    raw = RawPrediction(np.zeros((2, 1, *size), np.float32), torch.zeros(2, 1), np.float32([0.2, 0.8, 0, 0]), objects)
+    assert crop_window(raw, SIZE) is None

@@ -37,7 +37,7 @@ BACK = (  # ours -> released, written down from the other side
 
 
 def released_name(name: str) -> str:
-    """What one of our tensors is called in the released format."""
+    """Name in the released format of a tensor of the model."""
     if re.search(r"(taxonomy|_mlps\.\d|_head)\.(layers|proj)", name):
         name = name.replace(".layers.0.", ".layers.1.").replace(".proj_in.", ".layers.0.").replace(".proj_out.", ".layers.2.")
     for ours, theirs in BACK:
@@ -63,7 +63,7 @@ def same(one: TwoHands, two: TwoHands) -> set[str]:
 
 
 def test_names_that_are_known_from_the_releases() -> None:
-    """By hand, one of each kind."""
+    """Names of each kind, written by hand."""
     lora = "base_model.model.model.layers.3.self_attn.v_proj.lora_B.default.weight"
     sam = "model.visual_model."
     assert our_names("model.layers.3.self_attn.q_proj.weight") == [
@@ -79,7 +79,7 @@ def test_names_that_are_known_from_the_releases() -> None:
 
 
 @pytest.mark.parametrize("form", ["safetensors", "bin", "shards", "bin shards"])
-def test_every_form_gives_the_same_model(given: dict[str, Tensor], tmp_path: Path, form: str) -> None:
+def test_file_forms_give_equal_models(given: dict[str, Tensor], tmp_path: Path, form: str) -> None:
     """One file or shards with an index, safetensors or PyTorch: what is released comes back, the rest stays, and is named."""
     write(given, tmp_path, form)
     model = build(TINY, 2)
@@ -91,7 +91,7 @@ def test_every_form_gives_the_same_model(given: dict[str, Tensor], tmp_path: Pat
 
 
 def test_lisa_gives_one_decoder_to_both_hands(given: dict[str, Tensor], tmp_path: Path) -> None:
-    """Without taxonomy head, and with one mask decoder."""
+    """LISA has one mask decoder and no taxonomy head."""
     kept = {n: t for n, t in given.items() if "_right" not in n and "taxonomy" not in n}
     lisa = {n.replace("mask_decoder_left", "mask_decoder"): t for n, t in kept.items()}
     write(lisa, tmp_path, "safetensors")
@@ -117,7 +117,7 @@ def test_a_vocabulary_without_the_image_token_keeps_our_row(given: dict[str, Ten
         load_published(build(TINY, 2), tmp_path)
 
 
-def test_what_does_not_fit_is_named_and_nothing_is_loaded(given: dict[str, Tensor], tmp_path: Path) -> None:
+def test_tensors_that_do_not_fit_are_named_and_not_loaded(given: dict[str, Tensor], tmp_path: Path) -> None:
     """A missing, an extra and a misshaped tensor."""
     del given["model.norm.weight"]
     given["model.visual_model.mask_decoder_left.iou_token.weight"] = torch.zeros(2, 32)
@@ -131,7 +131,7 @@ def test_what_does_not_fit_is_named_and_nothing_is_loaded(given: dict[str, Tenso
 
 
 def test_code_in_a_checkpoint_does_not_run(tmp_path: Path) -> None:
-    """Only tensors are read: a pickle that would make a folder is refused, and makes none."""
+    """A pickle that would make a folder is refused, and the folder is not made."""
     marker = tmp_path / "ran"
 
     class Cheat:
@@ -144,8 +144,8 @@ def test_code_in_a_checkpoint_does_not_run(tmp_path: Path) -> None:
     assert not marker.exists()
 
 
-def test_folders_that_are_no_checkpoint_are_refused(tmp_path: Path, given: dict[str, Tensor]) -> None:
-    """Nothing there, an index that leads elsewhere, and a model of another variant."""
+def test_folders_without_a_checkpoint_are_refused(tmp_path: Path, given: dict[str, Tensor]) -> None:
+    """An empty folder, an index with paths outside, and a model of another variant."""
     with pytest.raises(ValueError, match="expected one of"):
         read_weights(tmp_path)
     (tmp_path / "model.safetensors.index.json").write_text('{"weight_map": {"a": "../a.safetensors"}}')

@@ -42,8 +42,8 @@ def test_half_the_size_is_the_same_place() -> None:
     assert torch.allclose(coarse[..., -4:], middle[..., -4:], atol=0.01)  # long waves of x, which are straight over two tokens
 
 
-def test_where_things_are_does_not_change_what_they_are() -> None:
-    """The centre learns from what is seen of the objects; their masks learn nothing from it."""
+def test_the_centre_loss_has_no_gradient_to_object_masks() -> None:
+    """The centre is predicted from the features of the objects, without a gradient to their masks."""
     model = build(TINY, 0)
     o = model(batch("open jar", "lift bowl"))
     assert o.centre is not None and o.centre.shape == (2, 2)
@@ -70,7 +70,7 @@ def test_same_seed_same_weights_and_the_caller_keeps_its_random_state() -> None:
 
 
 def test_an_answer_does_not_depend_on_its_neighbours_in_the_batch() -> None:
-    """Longer tasks beside it only add padding, which nobody looks at."""
+    """Longer tasks in a batch only add padding, which is masked."""
     model, b = build(TINY, 0).eval(), batch("cut bread", "put the big blue bowl on the upper shelf", "")
     together, alone = model(b), model(Batch(b.image[:1], b.task[:1]))
     assert torch.allclose(together.logits[:1], alone.logits, atol=1e-4)
@@ -119,8 +119,9 @@ def shapes() -> tuple[Batch, Target]:
 
 
 def train(model: TwoHands, b: Batch, t: Target, steps: int, params: LossParams, last: float = 1.0) -> Output:
-    """What the model says of a batch after so many steps on it alone, the last of which is `last` times as long as the first: at a
-    constant rate they leave it a little off, differently on every kind of CPU.
+    """Train on one batch, and return the output for it.
+
+    The learning rate decays to `last` of its first value: with a constant rate the result depends on the kind of CPU.
     """
     optimiser = torch.optim.AdamW(model.train().parameters(), lr=3e-3)
     slower = torch.optim.lr_scheduler.LinearLR(optimiser, 1.0, last, steps)
@@ -140,7 +141,7 @@ def iou(logits: Tensor, truth: Tensor) -> Tensor:
     return (found & inside).sum((1, 2)) / (found | inside).sum((1, 2))
 
 
-def test_it_learns_eight_samples_by_heart() -> None:
+def test_the_model_overfits_eight_samples() -> None:
     """Top-ranked regions with IoU above 0.95 and every taxonomy right; the same picture needs the words."""
     b, t = shapes()
     o = train(build(TINY, 0), b, t, 120, LossParams(grid="input", mask_weight=10), last=0.02)

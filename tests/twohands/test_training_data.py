@@ -78,8 +78,8 @@ def test_any_folder_of_datasets(form: str, tmp_path: Path) -> None:
     assert data.splits(data.files_below(tmp_path)) == (["train", "val"] if form == "disk" else ["train"])
 
 
-def test_what_cannot_be_read_is_named(tmp_path: Path) -> None:
-    """No files, a missing column, a mask of another size, a picture that is none."""
+def test_unreadable_data_sets_are_refused(tmp_path: Path) -> None:
+    """No files, a missing column, a mask of another size, a damaged picture."""
     with pytest.raises(ValueError, match=r"expected \*.parquet or \*.arrow files"):
         data.splits(data.files_below(tmp_path))
     datasets.Dataset.from_dict({"image": ["x"], "narration": ["y"]}).to_parquet(tmp_path / "train.parquet")
@@ -109,7 +109,7 @@ def parts(files: data.Files, division: data.Split) -> tuple[list[Item], list[Ite
 
 
 def test_the_cache_is_the_samples(packed: data.Files, tmp_path: Path) -> None:
-    """Nothing is lost at full size; a complete cache is not written again; larger samples are made smaller at the same aspect."""
+    """Samples survive at full size, a complete cache is kept, and larger samples are shrunk with their aspect ratio."""
     wanted = list(data.read_items(packed, "train"))
     sample_cache.write_cache(iter(wanted), tmp_path / "c", (64, 96))
     sample_cache.write_cache(iter([]), tmp_path / "c", (64, 96))
@@ -133,7 +133,7 @@ def test_order_is_a_function_of_seed_and_position() -> None:
 
 
 def test_balance_makes_classes_equal() -> None:
-    """With 1, half of the draws are of each of two classes, and the samples of a class share them; with 0.5, in between."""
+    """Balance 1 draws two classes equally often, with equal shares of their samples; 0.5 is in between."""
     labels = ["common"] * 90 + ["rare"] * 10
     share = {}
     for balance in (0.0, 0.5, 1.0):
@@ -161,7 +161,7 @@ def test_batches_are_a_function_of_their_number(packed: data.Files) -> None:
 
 
 def test_coarse_batches_come_first_and_lose_no_sample(packed: data.Files) -> None:
-    """Twice as many samples at half the size, then the rest of the same sequence; sizes that have no half are refused."""
+    """Coarse batches have twice as many samples at half the size, then the sequence continues; odd sizes are refused."""
     samples = list(data.read_items(packed, "train"))
     fine = Batches(samples, BalancedSampler([0] * len(samples), 0, 3), Augmentation(), InputSize((64, 96)), 4, 3)
     coarse = replace(fine, coarse=2)
@@ -196,8 +196,8 @@ def test_views_are_seeded_and_keep_picture_and_masks_together(packed: data.Files
     assert found.item.image.shape == nothing.image.shape and np.isnan(found.centre).all()
 
 
-def test_stretched_views_stay_whole(packed: data.Files) -> None:
-    """As high, wider or narrower by at most the factors, with the same share of every mask."""
+def test_change_width_keeps_height_and_shares(packed: data.Files) -> None:
+    """The width changes by at most the factors; height and the share of each mask are kept."""
     item = next(iter(data.read_items(packed, "train")))
     for n in range(8):
         widened = Augmentation(0, 0, stretch_share=1, stretch_range=(0.5, 2.0), nameless_share=0, colour_share=0)
@@ -217,8 +217,8 @@ def test_a_view_knows_where_it_is_in_the_picture(packed: data.Files) -> None:
         assert np.allclose(mirrored, wanted * [-1, 1], atol=1e-6) and np.abs(wanted).max() <= 1
 
 
-def test_what_has_no_name_is_cropped(packed: data.Files) -> None:
-    """Every name of a thing becomes a word of its own, all other words stay, and only its surroundings are shown."""
+def test_samples_with_replaced_nouns_are_cropped(packed: data.Files) -> None:
+    """Each noun becomes its own random word, other words are kept, and the sample is cropped."""
     item = replace(next(iter(data.read_items(packed, "train"))), narration="pour from can into mug, canned", object_left="can",
                    object_right="mug", noun="can")  # fmt: skip
     words = replace_nouns(item, np.random.default_rng(0)).narration.split()

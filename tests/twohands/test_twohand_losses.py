@@ -65,8 +65,8 @@ def test_focal_and_dice_agree_with_monai(gamma: float) -> None:
     assert dice(o, t).mean().item() == pytest.approx(wanted.item(), rel=1e-5)
 
 
-def test_objects_are_told_of_hands_that_act() -> None:
-    """What is said of an idle hand's object costs nothing; told exactly, nothing does; and the total counts it by its weight."""
+def test_the_object_loss_is_that_of_active_hands() -> None:
+    """The object of an idle hand has no loss, an exact prediction has none either, and the total counts the loss by its weight."""
     o, t = output(), target()
     things = (torch.rand(3, 2, 8, 12, generator=torch.Generator().manual_seed(4)) > 0.5).float()
     exact = 200 * things - 100
@@ -102,7 +102,7 @@ def test_focal_without_focus_is_half_the_cross_entropy() -> None:
 
 
 def test_taxonomy_modes_by_hand() -> None:
-    """Even logits cost log 4 in both modes; a certain right answer costs 0 on logits, and log(1 + 3/e) on a softmax."""
+    """Equal logits cost log 4 in both modes; a certain right answer costs 0 on logits, and log(1 + 3/e) on a softmax."""
     even, sure, label = torch.zeros(1, 4), torch.tensor([[100.0, 0, 0, 0]]), torch.tensor([0])
     assert taxonomy_loss(even, label, "paper").item() == taxonomy_loss(even, label, "code").item() == pytest.approx(math.log(4))
     assert taxonomy_loss(sure, label, "paper").item() == pytest.approx(0, abs=1e-6)
@@ -182,7 +182,7 @@ def test_the_best_takes_the_gradient_and_the_others_a_little() -> None:
 
 
 def test_grids_agree_on_masks_that_are_coarse_anyway() -> None:
-    """When every 4 x 4 block is full or empty, and logits are certain, both grids say that nothing is wrong."""
+    """Both grids give zero loss when each 4 x 4 block is full or empty and logits are certain."""
     coarse = target().masks[:, :, :8, :12]
     t = target()._replace(masks=coarse.repeat_interleave(4, -1).repeat_interleave(4, -2))
     o = output(k=1)._replace(logits=(200 * coarse - 100)[:, :, None])
@@ -191,7 +191,7 @@ def test_grids_agree_on_masks_that_are_coarse_anyway() -> None:
 
 
 def test_total_is_the_weighted_sum_with_the_text() -> None:
-    """Every named loss times its own weight."""
+    """The total is each named loss times its own weight."""
     params = LossParams(mask_weight=3, dice_weight=0.25, score_weight=2, taxonomy_weight=0.5, text_weight=0.1)
     found = losses(output()._replace(text_loss=torch.tensor(7.0)), target(), params)
     wanted = 3 * found["mask"] + found["dice"] / 4 + 2 * found["score"] + found["taxonomy"] / 2 + 0.7

@@ -70,8 +70,8 @@ def test_seg_is_found_for_any_number_of_image_tokens(patch: int, asked: str, ans
     assert (talk.labels[0] != IGNORE).sum() == len(tokens.encode(answered)) + 1
 
 
-def test_no_seg_and_two_are_refused() -> None:
-    """Exactly one in each row."""
+def test_a_row_has_exactly_one_seg() -> None:
+    """Rows with no or two [SEG] are refused."""
     with pytest.raises(ValueError, match=r"exactly one \[SEG\] in each row, got \[0, 2\]"):
         seg_positions(torch.tensor([[1, 2, 3], [4, 4, 1]]), 4)
 
@@ -79,7 +79,7 @@ def test_no_seg_and_two_are_refused() -> None:
 @pytest.mark.parametrize("patch", [16, 32])
 @pytest.mark.parametrize("state", ["paper", "code"])
 def test_the_prompt_is_the_state_at_seg(tmp_path: Path, patch: int, state: str) -> None:
-    """What reaches the projection is the language model's state there, for two sizes of patches."""
+    """The projection gets the hidden state of the language model at [SEG], for two patch sizes."""
     model = build(config(save_backbones(tmp_path, patch), seg_state=state), 0).eval()
     taken, states = [], []
     model.get_submodule("project").register_forward_pre_hook(lambda _, args: taken.append(args[0]))
@@ -93,7 +93,7 @@ def test_the_prompt_is_the_state_at_seg(tmp_path: Path, patch: int, state: str) 
     assert (talked[0] == 3).sum().item() == 2 * (64 // patch) ** 2  # <image> is id 3 of this tokenizer
 
 
-def test_only_the_intended_parameters_move(backbones: Path) -> None:
+def test_trained_parameters(backbones: Path) -> None:
     """LoRA, lm_head, embeddings, projection, both decoders and the taxonomy head move; nothing else does."""
     model = build(config(backbones), 0)
     before = {name: tensor.clone() for name, tensor in model.state_dict().items()}
@@ -129,7 +129,7 @@ def test_trains_saves_loads_and_predicts_offline(backbones: Path, tmp_path: Path
 
 @pytest.mark.parametrize("variant", ["vlm", "clip"])
 def test_tiny_ones_need_no_folder_and_padding_changes_nothing(variant: str) -> None:
-    """From nothing, with hashed words; an answer is the same alone and beside a longer task; and the task matters."""
+    """Random models with hashed words: a prediction does not depend on padding, but on the task."""
     model, b = build(ModelConfig(variant=variant, size_px=(64, 64), widths=(16, 16, 32), depth=1, heads=2), 3).eval(), batch()
     together, alone = model(b), model(Batch(b.image[:1], b.task[:1]))
     assert torch.allclose(together.logits[:1], alone.logits, rtol=1e-3, atol=1e-9)
@@ -148,7 +148,7 @@ def test_clip_texts_begin_and_end_as_its_tokenizer_says() -> None:
 
 
 def test_regions_start_as_segment_anything_itself(backbones: Path) -> None:
-    """Before training, each hand's masks are what SamModel gives for the same image and prompt."""
+    """Masks of each hand equal those of SamModel for the same image and prompt before training."""
     sam = SamModel.from_pretrained(backbones / "sam").eval()
     image, prompt = torch.randn(2, 3, 64, 64), torch.randn(2, 1, 32)
     for k, several in ((1, False), (3, True)):

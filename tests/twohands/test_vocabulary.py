@@ -35,7 +35,7 @@ def test_samples_give_verbs_things_and_words() -> None:
     ("zorgblatt, ZORGBLATT and quux", ["zorgblatt", "quux"]), ("", []), ("verser le thé", ["verser", "le", "thé"]),
 ])  # fmt: skip
 def test_a_word_of_no_task_is_unknown(task: str, unknown: list[str]) -> None:
-    """Once, in the order of the task; articles and prepositions are never."""
+    """Unknown words are listed once, in the order of the task, without articles and prepositions."""
     assert KNOWN.unknown(task) == unknown
 
 
@@ -53,7 +53,7 @@ def test_words_lie_beside_the_weights(tmp_path: Path) -> None:
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"format": "other"}', '{"format": "afford-words-1", "verbs": 3}', "[" * 10000,
                                   '{"format": "afford-words-1", "verbs": [1], "things": [], "words": []}', "\xff"])  # fmt: skip
 def test_a_damaged_file_is_named(text: str, model: Path, tmp_path: Path) -> None:
-    """In one sentence; exit 2."""
+    """The error is one sentence; exit 2."""
     folder = tmp_path / "model"
     folder.mkdir()
     for path in model.iterdir():
@@ -64,11 +64,11 @@ def test_a_damaged_file_is_named(text: str, model: Path, tmp_path: Path) -> None
 
 
 def test_predict_warns_of_unknown_words(model: Path, tmp_path: Path) -> None:
-    """On the terminal, in the summary and in the record; nothing is said of known ones."""
+    """Unknown words are on the terminal, in the summary and in the record; known words are not."""
     image = tiny_asked.write_picture(tmp_path / "kettle.png")
     done = call("predict", image, "pour zorgblatt", "--out", tmp_path / "out", "--model", model, "--json")
     assert done.code == 0 and done.json["unknown_words"] == ["zorgblatt"]
-    assert "unknown words zorgblatt: the training of this model did not contain them" in done.words
+    assert "unknown words zorgblatt: this model was not trained with them" in done.words
     assert json.loads((tmp_path / "out" / "kettle" / "prediction.json").read_text())["unknown_words"] == ["zorgblatt"]
     done = call("predict", image, "pour tea", "--out", tmp_path / "out", "--model", model, "--json")
     assert done.json["unknown_words"] == [] and "unknown words" not in done.words

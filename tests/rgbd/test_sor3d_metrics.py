@@ -14,8 +14,8 @@ TRUTH = np.array([[[GRASP, GRASP, GRASP, B]], [[CUT, CUT, B, B]]])
 FOUND = np.array([[[GRASP, GRASP, B, GRASP]], [[GRASP, CUT, B, B]]])
 
 
-def test_by_hand() -> None:
-    """grasp: 2 hits, 4 found, 3 true; cut: 1, 1, 2; nothing else has a score."""
+def test_iou_and_f_by_hand() -> None:
+    """grasp: 2 hits, 4 found, 3 true; cut: 1, 1, 2; other categories have no score."""
     of = sor3d.counts(FOUND, TRUTH)
     assert sor3d.iou(of)[[GRASP, CUT]].tolist() == [2 / 5, 1 / 2]
     assert sor3d.f_beta(of)[[GRASP, CUT]].tolist() == pytest.approx([4 / 7, 2 / 3])
@@ -34,7 +34,7 @@ def test_beta_prefers_recall() -> None:
 
 
 def test_the_papers_weights() -> None:
-    """They sum to 0.998; equal scores have themselves as their mean."""
+    """The weights sum to 0.998; equal scores have themselves as their mean."""
     weights = [sor3d.WEIGHTS.get(name, sor3d.OTHER_WEIGHT) for name in AFFORDANCES]
     assert sum(weights) == pytest.approx(0.998)
     assert sor3d.weighted(np.full(9, 0.7)) == pytest.approx(0.7)
@@ -48,13 +48,13 @@ def test_counts_add_up() -> None:
     assert all(np.array_equal(getattr(whole, name), getattr(parts, name)) for name in ("hit", "found", "true"))
 
 
-def test_nothing_has_no_score() -> None:
-    """Background alone: NaN, not 0 and not 1."""
+def test_background_alone_has_no_score() -> None:
+    """NaN, not 0 and not 1."""
     said = sor3d.summary(sor3d.counts(np.full((1, 2, 2), B), np.full((1, 2, 2), B)))
     assert all(np.isnan(said[name]) for name in ("iou", "f", "fw")) and len(said) == 3
 
 
-def test_the_released_codes_measures() -> None:
+def test_metrics_of_the_released_code() -> None:
     """Accuracy under the name of Jaccard; one minus F1 under the name of F1."""
     assert sor3d.code_jaccard(FOUND, TRUTH) == pytest.approx(5 / 8)
     confidence = np.zeros((10, 1, 4))

@@ -31,8 +31,8 @@ def shown(model: Sor3d, turned: bool = False) -> InputBatch:
 
 
 @torch.inference_mode()
-def test_the_mirror_image_gets_the_mirrored_answer(model: Sor3d) -> None:
-    """To a rounding; one way alone does not, so there is something to gain."""
+def test_flip_averaging_is_equivariant(model: Sor3d) -> None:
+    """Equal up to rounding; a single prediction is not, so averaging matters."""
     seen = shown(model)
     said, other = predict_with_flip(model, seen), predict_with_flip(model, flip_inputs(seen))
     assert torch.allclose(said.logits, other.logits.flip(-1), atol=1e-5)
@@ -43,7 +43,7 @@ def test_the_mirror_image_gets_the_mirrored_answer(model: Sor3d) -> None:
 
 
 @torch.inference_mode()
-def test_it_is_the_mean_of_both_answers(model: Sor3d) -> None:
+def test_flip_averaging_is_the_mean_of_both(model: Sor3d) -> None:
     """Probabilities still sum to 1 and lie between the two."""
     seen = shown(model)
     said = predict_with_flip(model, seen).logits.exp()

@@ -42,8 +42,8 @@ CONFIG = Sor3dConfig(widths=(8, 8, 16, 16), size_px=SIZE, flow="none", attention
 PARAMS = boxes_train.Params(steps=4, warmup=1, validate_every=2, batch=2, height_px=SIZE, val_samples=3, lr=3e-3)
 
 
-def test_aligned_on_a_ramp() -> None:
-    """Features that are x and y are x and y at the bins' centres, of any box inside."""
+def test_roi_align_on_a_ramp() -> None:
+    """Features x and y are x and y at the bins' centres, for any box inside."""
     at = (torch.arange(40) + 0.5) / 40
     ramps = torch.stack(torch.meshgrid(at, at, indexing="xy"))[None].repeat(2, 1, 1, 1)
     boxes = torch.tensor([[0.2, 0.3, 0.7, 0.5], [0.1, 0.1, 0.9, 0.8]])
@@ -54,8 +54,8 @@ def test_aligned_on_a_ramp() -> None:
         assert torch.allclose(found[n, 1, :, 0], top + (bottom - top) * share, atol=1e-5)
 
 
-def test_there_and_back() -> None:
-    """Labels inside a box that ends at pixels come back to where they were; outside is outside."""
+def test_labels_cropped_and_pasted_are_unchanged() -> None:
+    """Labels inside a box that ends at pixels return to their place; pixels outside stay outside."""
     label = torch.from_numpy(np.random.default_rng(0).integers(0, 10, (1, 32, 32)))
     boxes = torch.tensor([[8, 4, 24, 20]]) / 32
     inside = labels_inside(label, boxes, 16)
@@ -65,16 +65,16 @@ def test_there_and_back() -> None:
     assert where[0, 4:20, 8:24].all()
 
 
-def test_extents_have_a_margin() -> None:
-    """Of 8 x 16 px a tenth more on each side; a picture without affordances has none."""
+def test_label_boxes_have_a_margin() -> None:
+    """A box of 8 x 16 px grows by a tenth on each side; a picture without affordances has no box."""
     label = torch.full((2, 32, 32), BACKGROUND)
     label[0, 8:16, 4:20] = 2
     boxes, known = label_boxes(label)
     assert torch.allclose(32 * boxes[0], torch.tensor([4 - 1.6, 8 - 0.8, 20 + 1.6, 16 + 0.8])) and known.tolist() == [True, False]
 
 
-def test_proposals_are_the_likeliest_that_do_not_overlap() -> None:
-    """The best one in any case; others above one half; none that overlaps a better one by more than one half."""
+def test_nms_keeps_likely_boxes_without_overlap() -> None:
+    """The best box always; others above one half; no box overlaps a better one by more than one half."""
     boxes = torch.tensor([[0, 0, 0.4, 0.4], [0.02, 0, 0.42, 0.4], [0.6, 0.6, 0.9, 0.9], [0, 0.6, 0.2, 0.9]])
     shown = boxes.T[None, :, None]
 
@@ -86,8 +86,8 @@ def test_proposals_are_the_likeliest_that_do_not_overlap() -> None:
     assert float(box_iou(boxes[0], boxes[1])) == pytest.approx(0.38 / 0.42, abs=1e-5)
 
 
-def test_outside_of_boxes_is_background() -> None:
-    """Probabilities sum to 1 everywhere; of two boxes the first lies on top."""
+def test_pixels_outside_boxes_are_background() -> None:
+    """Probabilities sum to 1 everywhere; of two boxes the first is on top."""
     model = build(CONFIG, 0).eval()
     features = torch.rand(1, 16, 8, 8)
     boxes = torch.tensor([[0.0, 0.0, 0.5, 0.5], [0.25, 0.25, 1.0, 0.75]])
@@ -98,11 +98,11 @@ def test_outside_of_boxes_is_background() -> None:
     assert (both[BACKGROUND, 20, 12] < 1) and (both[BACKGROUND, 24:] == 1).all()
 
 
-def test_it_learns_boxes_and_masks() -> None:
-    """Eight pictures of a square: after 120 steps its own boxes and true ones both give masks."""
+def test_detector_learns_boxes_and_masks() -> None:
+    """Eight pictures of a square: after 70 steps its own boxes and true ones both give masks."""
     model, batch = build(CONFIG, 1), _eight()
     optimiser = torch.optim.Adam(model.parameters(), 4e-3)
-    for _ in range(120):
+    for _ in range(70):
         optimiser.zero_grad()
         detector_losses(model, model(batch.groups[0]), batch.label)["total"].backward()
         optimiser.step()
@@ -110,7 +110,7 @@ def test_it_learns_boxes_and_masks() -> None:
         assert _iou(model.eval(), batch, told) > 0.75
 
 
-def test_nothing_to_learn_is_no_nan() -> None:
+def test_loss_without_affordances_is_finite() -> None:
     """A batch without affordances has a finite loss, and no loss of boxes and masks."""
     model, batch = build(CONFIG, 1), _eight()
     found = detector_losses(model, model(batch.groups[0]), torch.full_like(batch.label, BACKGROUND))
@@ -130,8 +130,8 @@ def trained(packed: FileTree, tmp_path_factory: pytest.TempPathFactory) -> Train
     return boxes_train.run(packed, PARAMS, Scratch(tmp_path_factory.mktemp("trained")))
 
 
-def test_trained_by_the_one_loop(packed: FileTree, trained: Trained, tmp_path: Path) -> None:
-    """Weights, card and curves are there; the same again gives the same files; the job survives its JSON."""
+def test_boxes_train_is_reproducible(packed: FileTree, trained: Trained, tmp_path: Path) -> None:
+    """Weights, card and curves exist; a second training gives the same files; the job survives its JSON."""
     again = boxes_train.run(packed, PARAMS, Scratch(tmp_path))
     assert [(f.name, f.digest) for f in again.files.files] == [(f.name, f.digest) for f in trained.files.files]
     curves = {curve.name for curve in trained.log.curves}
@@ -141,8 +141,8 @@ def test_trained_by_the_one_loop(packed: FileTree, trained: Trained, tmp_path: P
     assert read_job(job.to_json()) == job
 
 
-def test_scored_as_the_other_model_is(trained: Trained, tmp_path: Path) -> None:
-    """From own boxes and from true ones; a model of sequences is refused as a detector, and the other way round."""
+def test_static_evaluate_scores_the_detector(trained: Trained, tmp_path: Path) -> None:
+    """Own boxes and true boxes; a model of sequences is refused as a detector, and a detector as a model of sequences."""
     clips = tuple(interaction(n, "val")[0] for n in range(3))
     for told in (False, True):
         params = static_evaluate.Params(backend="boxes", boxes=BoxesParams(true_boxes=told))
@@ -168,7 +168,7 @@ def _iou(model: BoxDetector, batch: TrainingBatch, told: bool) -> float:
     return float((on & true).sum() / (on | true).sum())
 
 
-def test_a_gpu_is_refused(packed: FileTree, tmp_path: Path) -> None:
-    """In a sentence that says what to do; not in the middle of the first step."""
+def test_gpu_is_refused(packed: FileTree, tmp_path: Path) -> None:
+    """One sentence with the remedy, before the first step."""
     with pytest.raises(ValueError, match="expected device=cpu for the detector"):
         boxes_train.run(packed, replace(PARAMS, device="cuda"), Scratch(tmp_path))

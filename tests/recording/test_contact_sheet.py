@@ -1,4 +1,4 @@
-"""Which of the recordings that it is given a contact sheet shows."""
+"""Kind of recordings that a contact sheet shows."""
 
 from __future__ import annotations
 
@@ -16,10 +16,8 @@ def strips(shade: int) -> contact_sheet.Strips:
     return lambda path: [np.full((2, len(path.stem), 3), shade, np.uint8)]
 
 
-def test_what_stands_first_in_the_table_has_the_sheet_for_itself(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Of two objects, a grasp and a clip, given in any order, the objects are shown, below each other in the order given; without
-    them the grasp.
-    """
+def test_sheet_shows_recordings_of_the_first_matching_kind(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Two objects, a grasp and a clip in any order: the objects, in the given order; without them the grasp."""
     table = ((lambda path: path.suffix == ".object", strips(50)), (lambda path: path.suffix == ".grasp", strips(90)))
     monkeypatch.setattr(contact_sheet, "OWN_STRIPS", table)
     given = [Path("aaaa.grasp"), Path("bbb.object"), Path("clip.mcap"), Path("cc.object")]
