@@ -46,8 +46,8 @@ class Row:
 
 
 @dataclass(frozen=True)
+class Plan:
     """Extent of a part of the tests, and its folder."""
-    """How much of a part to run, and where."""
 
     folder: Path
     """empty; removed afterwards"""
