@@ -78,7 +78,7 @@ def test_frames_show_the_current_state() -> None:
 
 @pytest.mark.usefixtures("small_frames")
 def test_render_fps_is_the_rate_of_control() -> None:
-    """By gymnasium's RenderCollection; 20 per second, 60 with the paper's actions."""
+    """Count the frames of gymnasium's RenderCollection; 20 per second, 60 with the paper's actions."""
     made = RenderCollection(gymnasium.make(ID, render_mode="rgb_array"))
     made.reset(seed=0)
     for _ in range(3):
@@ -148,7 +148,7 @@ def test_names_are_registered_once() -> None:
 
 
 def test_import_registers_the_environments() -> None:
-    """For an afford that is on the path and not installed: -S leaves out the registration in site-packages."""
+    """Import with -S, which leaves out the registration in site-packages, as if afford were not installed."""
     code = ("import sys; sys.path[:0] = sys.argv[1:]; import gymnasium; from afford.environments import ENVIRONMENTS as known\n"
             "assert not known.keys() & gymnasium.registry.keys()\n"
             "import afford.grasping.env.env, afford.grasping.imitation.imitate_env\n"

@@ -40,12 +40,12 @@ def played(made: AffordanceGrasp, seed: int | None, actions: np.ndarray) -> list
 
 
 def imitation(**config: Any) -> HandImitation:
-    """One world in which a hand follows what somebody did."""
+    """One world in which a hand follows a reference."""
     return HandImitation(shadow(), block(), (reference(shadow(), 60),), **config)
 
 
 def resident_bytes() -> int:
-    """What the process holds now; neither the most that it ever held, nor what glibc keeps of that: a leak would hide in either."""
+    """Resident memory of the process, without the pages that glibc keeps after free."""
     gc.collect()
     ctypes.CDLL("libc.so.6").malloc_trim(0)
     return int(psutil.Process().memory_info().rss)
@@ -68,7 +68,7 @@ def test_check_env(engine: str) -> None:
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("base", ["none", "script"])
 def test_scripted_grasp_succeeds(engine: str, base: str) -> None:
-    """As actions without a base, and as the base without actions: the reward is attainable, and AS is reported."""
+    """Scripted actions without a base, and the scripted base without actions: the reward is attainable, and AS is reported."""
     made = env(base=base, engine=engine, reward="dense")
     made.reset(seed=5)
     script, total = made.core.script(), 0.0
@@ -87,7 +87,7 @@ def test_scripted_grasp_succeeds(engine: str, base: str) -> None:
 
 
 def test_zero_actions_do_not_succeed() -> None:
-    """Without a base the object does not move, and the hand touches nothing."""
+    """The object does not move, and the hand touches nothing."""
     made = env(reward="afforddex")
     made.reset(seed=0)
     for _ in range(40):

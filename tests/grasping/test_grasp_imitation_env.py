@@ -94,7 +94,7 @@ def test_expert_lifts_and_tracks() -> None:
 
 
 def test_expert_does_not_pull_back_along_the_object() -> None:
-    """After a displacement of 4 cm the expert descends there: its action along x is unchanged, that across leads back."""
+    """The expert descends at a displacement of 4 cm: its action along x is unchanged, that across leads back."""
     made = rehearsing()
     for along, across in ((0.04, 0.0), (0.0, 0.04)):
         rngs = [np.random.default_rng(k) for k in range(2)]

@@ -32,7 +32,7 @@ def studio() -> GraspRenderer:
     return GraspRenderer(shadow(), hammer(), 160, 120)
 
 
-def test_every_link_with_a_shape_has_a_mesh() -> None:
+def test_links_with_a_shape_have_a_mesh() -> None:
     """Meshes of the hand where it names them, closed enough to be lit from outside; fingertips lie on the last link."""
     hand = shadow()
     found = {skin.link: skin for skin in link_meshes(hand)}
@@ -95,7 +95,7 @@ def test_negative_parts_are_red(studio: GraspRenderer) -> None:
 
 
 def test_rendering_is_deterministic(studio: GraspRenderer) -> None:
-    """To the byte, in another renderer as well."""
+    """Equal to the byte, also by another renderer."""
     trace, _ = grasped()
     again = GraspRenderer(shadow(), hammer(), 160, 120).render(trace, 7)
     assert again.rgb.tobytes() == studio.render(trace, 7).rgb.tobytes()

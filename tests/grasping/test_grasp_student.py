@@ -49,7 +49,7 @@ def trained(expert: FileTree, tmp_path_factory: pytest.TempPathFactory) -> Train
 
 
 def test_student_files_can_be_loaded_and_act(trained: Trained) -> None:
-    """In the environment of its teacher, in either engine."""
+    """Play episodes in the environment of its teacher, in another engine."""
     policy = load_policy.load_policy(trained.files, {})
     config = policy.config("bullet", Physics(), "flat", 0.0)
     assert (config.start, config.base, policy.student is not None) == ("anywhere", "script", True)

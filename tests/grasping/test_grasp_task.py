@@ -82,7 +82,7 @@ def test_rest_poses_are_stable(engine: str) -> None:
 
 
 def test_allowed_points_are_farther_than_two_centimetres() -> None:
-    """From all negative points; all points without negative points, and where none is left."""
+    """Distance from all negative points; all points without negative points, and where none is left."""
     body = tool("spatula", 12)
     some, none = make_task(body, ("head",)), make_task(body)
     made = build_scenery(shadow(), (some, none, replace(some, N_t=body.points.astype(np.float64))))

@@ -65,13 +65,13 @@ def test_training_is_repeatable_and_resumes_to_the_same_bytes(tmp_path: Path, mo
 
 
 def test_prior_learns_the_experts_actions(tmp_path: Path) -> None:
-    """While the expert acts, the loss falls by more than half in twenty updates."""
+    """The loss falls by more than half in twenty updates while the expert acts."""
     made = trained(tmp_path, replace(SHORT, cloning=20, alone=10**9, passes=4, lr=3e-3, reinforcing=0, hidden=(64,)))
     loss = next(curve for curve in made.log.curves if curve.name == "clone.loss").value
     assert loss[-1] < 0.5 * loss[0]
 
 
-def test_no_lifting_clip_is_refused(tmp_path: Path) -> None:
+def test_set_without_a_lifting_clip_is_refused(tmp_path: Path) -> None:
     """Clips that do not hold the object are dropped; an error when none is left."""
     with pytest.raises(ValueError, match="no clip of 4 lifts its object 1 times of 1"):
         trained(tmp_path, replace(SHORT, proofs=1, steps=6))

@@ -74,7 +74,7 @@ def test_check_env(engine: str) -> None:
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_base_reference_is_followed(engine: str) -> None:
-    """Without any action the end is reached, both levels within 2 cm, with nearly all of the reward."""
+    """The end is reached without any action, both levels within 2 cm, with nearly all of the reward."""
     made = env(engine=engine, base="reference", reward="code", random_start=False)
     made.reset(seed=0)
     truncated, terms = False, list[float]()
@@ -90,7 +90,7 @@ def test_base_reference_is_followed(engine: str) -> None:
 
 
 def test_standing_still_fails() -> None:
-    """Without a base and without actions the hand falls behind until the episode ends."""
+    """The hand falls behind without base and actions until the episode ends."""
     far = reference(shadow())
     far = replace(far, level_1_m=far.level_1_m + np.linspace(0, 0.5, 90)[:, None, None])
     made = HandImitation(shadow(), block(), (far,), random_start=False)

@@ -16,7 +16,7 @@ def test_affordance_scores_by_hand() -> None:
     assert as_violation_pct(N_m)[0] == pytest.approx(40.0)
 
 
-def test_all_fingertips_are_safe_without_negative_points() -> None:
+def test_fingertips_are_safe_without_negative_points() -> None:
     """Distances are infinite."""
     N_m = np.full((1, 5), np.inf)
     assert as_safe_count(N_m)[0] == 5

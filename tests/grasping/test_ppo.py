@@ -99,7 +99,7 @@ def test_same_seed_same_weights() -> None:
 
 
 def test_first_probability_ratio_is_one() -> None:
-    """Before an update the KL divergence is 0, and the entropy that of the Gaussian."""
+    """KL divergence of 0 before an update, and the entropy of the Gaussian."""
     net, config = model(), ppo.PPOConfig(steps=4)
     envs = Reach(8, 0)
     rollout, _ = ppo.collect_rollout(envs, net, envs.reset(), config)
@@ -109,7 +109,7 @@ def test_first_probability_ratio_is_one() -> None:
 
 
 def test_target_kl_stops_the_policy_but_not_the_critic() -> None:
-    """With a tiny bound only the first step changes the policy, and the critic continues; without a bound all passes change it."""
+    """Tiny bound: only the first step changes the policy, and the critic continues; without a bound all passes change it."""
     for bound, expected in ((1e-9, 0.0), (0.0, 5.0)):
         net, config = model(), ppo.PPOConfig(steps=4, target_kl=bound, epochs=5, lr=0.05)
         envs, before = Reach(8, 0), model()

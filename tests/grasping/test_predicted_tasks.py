@@ -109,7 +109,7 @@ def test_measures_agree_when_the_prediction_is_the_truth() -> None:
 
 
 def test_positive_points_are_matched_by_use() -> None:
-    """In truth they are safe and on the part to hold."""
+    """True positive points are safe and on the part to hold."""
     own = task()
     on = own.body.points[own.body.point_part == own.body.parts.index(own.hold)]
     assert distance_to_points(on, own.A_t).max() < 1e-6 and distance_to_points(own.N_t, own.A_t).min() > 0.02
@@ -135,7 +135,7 @@ def of_policy(name: str, as_pct: float) -> GraspEpisodes:
 
 
 def test_report_of_predicted_tasks(tmp_path) -> None:  # type: ignore[no-untyped-def]  # a fixture
-    """AS next to that without penalties; the number of tasks without points; nothing without predictions."""
+    """Affordance score next to that without penalties; the number of tasks without points; nothing without predictions."""
     rows = tuple(of_policy(name, value) for name, value in (("teacher", 5.0), ("no_negative", 15.0), ("teacher_naa", 6.0)))
     other = replace(of_policy("no_negative", 30.0), seed=1)
     tasks = ((told(said()),), (), (told(nothing_said()),))

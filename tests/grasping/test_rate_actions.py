@@ -22,7 +22,7 @@ def test_full_action_moves_by_the_rate_up_to_the_cap(base: str) -> None:
 
 
 def test_offsets_do_not_wind_up_beyond_a_limit() -> None:
-    """After a hundred steps against a limit, one step back moves the target back."""
+    """One step back moves the target back after a hundred steps against a limit."""
     rates, base, yaw = rate_table(RATES["none"], 24), np.zeros((1, 24)), np.array([0.7])
     offset = np.zeros((1, 24))
     for _ in range(100):
@@ -33,7 +33,7 @@ def test_offsets_do_not_wind_up_beyond_a_limit() -> None:
 
 
 def test_x_is_along_the_frame_of_the_episode() -> None:
-    """At a yaw of a quarter turn, x moves the wrist along y of the world."""
+    """Action x moves the wrist along y of the world at a yaw of a quarter turn."""
     rates, action = rate_table(RATES["none"], 24), np.zeros((1, 24))
     action[0, 0] = 1.0
     u, _ = rate_command(np.zeros((1, 24)), moved(rates, np.zeros((1, 24)), action), np.array([np.pi / 2]), LIMITS)

@@ -20,7 +20,7 @@ def test_paper_reward_by_hand() -> None:
 
 
 def test_bounds_are_strict() -> None:
-    """At exactly 5 cm there is no success, at exactly 3 cm no violation; without negative points there is no violation."""
+    """Exactly 5 cm are no success, exactly 3 cm no violation; without negative points there is no violation."""
     assert total("afforddex", palm_m=[0.0], goal_m=[0.05]) == pytest.approx(-0.05)
     assert total("afforddex", palm_m=[0.0], goal_m=[0.06], N_m=[[0.03] * 5]) == pytest.approx(-0.06)
     assert total("afforddex", palm_m=[0.0], goal_m=[0.06], N_m=[[np.inf] * 5]) == pytest.approx(-0.06)
@@ -38,7 +38,7 @@ def test_unidexgrasp_reward_by_hand() -> None:
 
 
 def test_dense_reward_needs_a_grip() -> None:
-    """At the goal without a grip the reward equals that at the start; a grip adds to it, a negative contact reduces it."""
+    """Reward at the goal without a grip equals that at the start; a grip adds to it, a negative contact reduces it."""
     grip, bare = [[1.0, 0.0, 2.0, 0.0, 0.0, 0.0]], [[0.0] * 6]
     at = {"tips_m": [[0.0] * 5], "allowed_m": [[0.0] * 5], "goal_m": [0.01]}
     assert total("dense", **at, force_held=bare) == 0.0

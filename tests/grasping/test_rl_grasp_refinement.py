@@ -150,6 +150,6 @@ def test_wrong_parameters_are_refused(tmp_path: Path, wrong: Callable[[Path], Tr
         wrong(tmp_path / "run")
 
 
-def test_every_task_has_a_world() -> None:
+def test_tasks_have_at_least_one_world_each() -> None:
     for worlds, expected in ((2, 5), (6, 6)):
         assert stage._training_config(stage.Params(worlds=worlds), 5).worlds == expected

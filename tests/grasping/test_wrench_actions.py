@@ -89,7 +89,7 @@ def after(made: World, u: np.ndarray, steps: int) -> State:
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_hand_without_forces_does_not_move(engine: str) -> None:
-    """For a second, to the millimetre, since the hand has no weight; the object has, and rests."""
+    """Hand at rest for a second, to the millimetre, since it has no weight; the object has, and rests."""
     made, u = wrenched(engine)
     state = after(made, u, 60)
     assert np.abs(state.q[:3] - (0, 0, 0.8)).max() < 1e-3 and np.abs(state.q[3:6]).max() < 5e-3
