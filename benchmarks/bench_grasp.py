@@ -91,7 +91,7 @@ def section(text: str, title: str) -> str:
 
 def short(rows: Sequence[ResultRow]) -> str:
     """A line for each policy that is shown and level in PyBullet; those that are not finished marked so."""
-    lines = ["| policy | objects | Succ % | AS %, successes | HLS | touches what is forbidden, end | seeds |",
+    lines = ["| policy | objects | Succ % | AS %, successes | HLS | forbidden contact at end (rate) | seeds |",
              "|---|---|--:|--:|--:|--:|--:|"]  # fmt: skip
     for row in (row for policy in SHOWN for row in rows if (row.policy, row.engine) == (policy, MAIN)):
         succ, safe, hls, touch = (row.figures.get(name, float("nan")) for name in FIGURES)

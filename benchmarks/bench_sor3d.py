@@ -113,7 +113,7 @@ def short(numbers: dict[str, float]) -> str:
         ours = [f"{numbers[f'{mode}.{name}']:.3f}" for name in FIGURES]
         return f"| {' | '.join((words, *ours, *(f'{value:.2f}' for value in ablation_rows.PUBLISHED_MODEL[mode])))} |\n"
 
-    head = "| | IoU | F | weighted F | paper: IoU | F | weighted F |\n|---|--:|--:|--:|--:|--:|--:|\n"
+    head = "| | IoU | F | weighted F | paper, its data: IoU | F | weighted F |\n|---|--:|--:|--:|--:|--:|--:|\n"
     return head + line("video", "videos") + line("static", "pictures")
 
 

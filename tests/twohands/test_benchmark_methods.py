@@ -61,7 +61,7 @@ def test_swapped_hands_keep_the_union_and_lose_the_hands(bench: FileTree, tmp_pa
     scores = score_cases.run(bench, predicted, score_cases.Params(swap=True))
     case = "cropped/P01_01/0000140"
     assert (value(scores, case, "iou"), value(scores, case, "hand_iou"), value(scores, case, "hands_accuracy")) == (1, 0, 1)
-    assert value(scores, "cropped/P01_01/0000150", "hands_accuracy") == 0 and scores.name == "said_swapped"
+    assert value(scores, "cropped/P01_01/0000150", "hands_accuracy") == 0 and scores.name == "masks_swapped"
 
 
 def test_threshold_folders_give_map_and_the_best_is_reported(bench: FileTree, tmp_path: Path) -> None:
