@@ -80,11 +80,11 @@ sor3d: $(READY) ## where things afford what, from RGB-D video of their use (SOUR
 demo: $(READY) ## a page at http://127.0.0.1:8000 where the trained model is asked (ARGS="--model DIR --port N")
 	@$(RUN) demo --store "$(STORE)" $(ARGS)
 
-test: $(DEV) ## run the tests (not those marked slow or npm)
+test: $(DEV) ## run every law on small cases (not the tests marked slow or npm)
 	@$(PY) -m pytest -n auto -m "not slow and not npm" $(ARGS)
 
-test-all: $(DEV) ## run every test
-	@$(PY) -m pytest $(ARGS)
+test-all: $(DEV) ## run every test: full sizes, browsers, npm and fuzzing too; prints how long it took
+	@$(PY) -m pytest -n auto --durations=20 $(ARGS)
 
 check: lint types test ## what CI runs
 

@@ -1,11 +1,11 @@
-"""Names of the environments that gymnasium makes, each registered without an import of what it is made of.
+"""Register the grasping environments with gymnasium, without importing their modules.
 
     import gymnasium
     env = gymnasium.make("afford/AffordanceGrasp-v0")                              # the Shadow Hand and a hammer
     env = gymnasium.make("afford/AffordanceGrasp-v0", hand=hand, task=task, render_mode="rgb_array")
 
-`make setup` has gymnasium call `register` when it is imported (install/backend.py). Where afford is not installed but only on the
-path, importing an environment's module does: `gymnasium.make("afford.grasping.env.env:afford/AffordanceGrasp-v0")`.
+After `make setup` gymnasium registers them when it is imported (install/backend.py). If afford is on the path but not installed, an
+import of the environment's module registers it: `gymnasium.make("afford.grasping.env.env:afford/AffordanceGrasp-v0")`.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ ENVIRONMENTS = {
     "afford/HandImitation-v0": ("afford.grasping.imitation.imitate_env:HandImitation",
                                 "afford.grasping.imitation.imitate_env:HandImitationVector"),
 }
-"""id -> one world, many worlds"""
+"""id -> entry points of one world and of many worlds"""
 
 
 def register(gymnasium: Any = None) -> None:
-    """Add what is missing to the registry of `gymnasium`, or of the installed one. Again, and nothing happens."""
+    """Add missing environments to the registry of `gymnasium` (default: the installed package). A second call does nothing."""
     if gymnasium is None:
         import gymnasium
     for name, (one, many) in ENVIRONMENTS.items():

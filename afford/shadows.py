@@ -1,4 +1,4 @@
-"""Folders of a user's that hide ours, because Python's path has them first: found before an import fails with a riddle."""
+"""Detect modules of the user that shadow modules of afford on Python's path, before an import fails with a confusing error."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ DYNAMIC = ()  # modules are looked for, and none is loaded
 
 
 class ShadowedError(ImportError):
-    """Another module has the name of ours; the message says where it lies and what to do."""
+    """A module shadows one of afford; the message names its place and the remedy."""
 
 
 def refuse(names: Iterable[str]) -> None:
-    """ShadowedError when Python would take one of these top-level modules from elsewhere than from beside afford."""
+    """Raise ShadowedError if Python would import one of these top-level modules from another folder than that of afford."""
     root = _folder("afford")
     for name in names:
         found = _folder(name)
@@ -24,7 +24,7 @@ def refuse(names: Iterable[str]) -> None:
 
 
 def _folder(name: str) -> str:
-    """The folder in which the path has a top-level module; '' where it has none, or a folder without code."""
+    """Folder on the path that contains a top-level module; '' if there is no such module, or only a folder without code."""
     spec = PathFinder.find_spec(name)
     if spec is None or not spec.origin:
         return ""

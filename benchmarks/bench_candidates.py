@@ -30,19 +30,19 @@ from stages.surface import part_describe, view_render
 from stages.synthetic import object_build
 
 CATEGORIES = ("hammer", "knife", "screwdriver", "spatula", "chisel", "ladle", "saw", "brush", "trowel", "cleaver", "axe", "razor")
-"""that lie still, and have a handle and something to keep off; the last three are of the categories that training never shows"""
+"""categories that rest stably and have a handle and a forbidden part; the last three are categories that training never shows"""
 SEED = 20267
 PAGE = ROOT / "docs" / "grasping" / "grasp-candidates.md"
 
 
 @dataclass(frozen=True)
 class Here:
-    """A context of a stage that is called by hand."""
+    """Context of a stage that is called directly."""
 
     scratch: Path
 
     def progress(self, done: int, total: int) -> None:
-        """Nobody waits."""
+        """Ignore progress."""
 
 
 def main() -> None:
@@ -68,7 +68,7 @@ def main() -> None:
 
 
 def compared(hand: HandModel, spec: ObjectSpec, model: FileTree, looks: int) -> GraspComparison:
-    """One object."""
+    """Compare methods on one object."""
     built = object_build.run(spec, object_build.Params(max_faces=8000, atlas_px=256))
     body = object_solids.run(built.mesh, built.parts, object_solids.Params(points=256))
     views = view_render.run(built.mesh, view_render.Params(size_px=32, directions=16, share=0.0))

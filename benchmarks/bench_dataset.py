@@ -1,6 +1,7 @@
-"""How fast the data set is written and read, beside Hugging Face `datasets` on the same rows. Writes benchmarks/dataset.md.
+"""Measure the speed of writing and reading the data set, compared with Hugging Face `datasets`. Writes benchmarks/dataset.md.
 
-Run with `PYTHONPATH=. python benchmarks/bench_dataset.py`. CPU seconds of this process: wall time depends on the neighbours.
+Run with `PYTHONPATH=. python benchmarks/bench_dataset.py`. Times are CPU seconds of this process, since wall time depends on
+the load of the machine.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ PAGE = Path(__file__).with_name("dataset.md")
 
 
 def made() -> list[Samples]:
-    """Samples at EPIC's size; a fifth of them is drawn, the rest are the same arrays under other names."""
+    """Build samples at EPIC's size; a fifth of them is drawn, the rest reuses the same arrays under other names."""
     drawn = clip("P01_01", SAMPLES // 5, split="train", height=256, width=456)
     out = []
     for copy in range(5):
@@ -39,7 +40,7 @@ def made() -> list[Samples]:
 
 
 def cpu(work: Callable[[], object]) -> float:
-    """CPU seconds of the better of two runs."""
+    """Return the CPU seconds of the better of two runs."""
     found = []
     for _ in range(2):
         start = time.process_time()
@@ -56,14 +57,14 @@ def schema(clips: list[Samples]):
 
 
 def write_ours(clips: list[Samples], root: Path) -> None:
-    """Masks as arrays, pictures as JPEG -> shards: PNG, run lengths, boxes and areas of four masks, and all columns."""
+    """Write shards from mask arrays and JPEG images: PNG, run lengths, boxes and areas of four masks, and all columns."""
     verbs, nouns, described = schema(clips)
     found = (table_schema.table_row(made, one, verbs.labels(), nouns.labels(), "") for made in clips for one in made.samples)
     parquet_shards.write_shards(found, described, root, parquet_shards.shard_names("train", SAMPLES, 10_000), 10_000)
 
 
 def write_hf(clips: list[Samples], path: Path) -> None:
-    """The same content through `datasets`: encoded JPEG, four masks as arrays that it turns into PNG, the same words."""
+    """Write the same content through `datasets`: encoded JPEG, four masks as arrays, the same words."""
     verbs, nouns, described = schema(clips)
     plain = [name for name in described.names if not name.startswith(("mask_", "object_left_mask", "object_right_mask"))]
     features = datasets.Features.from_arrow_schema(described)
@@ -89,13 +90,13 @@ def write_hf(clips: list[Samples], path: Path) -> None:
 
 
 def read_ours(root: Path) -> None:
-    """Every sample decoded: JPEG and all four masks, words and motion."""
+    """Decode every sample: JPEG, four masks, words and motion."""
     for item in load.Dataset(root, "train"):
         assert item.image.shape[:2] == item.masks.shape[1:]
 
 
 def read_hf(root: Path, cache: Path) -> None:
-    """`load_dataset` on our shards, JPEG and two masks decoded to arrays."""
+    """Decode our shards with `load_dataset`: JPEG and two masks as arrays."""
     files = [str(path) for path in load.shards(root, "train")]
     found = datasets.load_dataset("parquet", data_files=files, split="train", cache_dir=str(cache))
     for row in found.select_columns(["image", "mask_left", "mask_right", "narration", "taxonomy"]):
@@ -103,7 +104,7 @@ def read_hf(root: Path, cache: Path) -> None:
 
 
 def measure(folder: Path) -> dict[str, float]:
-    """Samples per CPU second of every way."""
+    """Measure the samples per CPU second of each method."""
     clips = made()
     seconds = {
         "write_ours": cpu(lambda: write_ours(clips, folder)),

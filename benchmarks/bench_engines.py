@@ -1,10 +1,10 @@
-"""How fast each engine is in the environment of grasping, and how deep its contacts go; writes a table of docs/grasping/physics.md.
+"""Measure speed and contact depth of each engine in the grasp environment; writes a table of docs/grasping/physics.md.
 
     PYTHONPATH=. python benchmarks/bench_engines.py
 
-The grasp by script: reach, grasp, lift, with observation and reward after every control step of 1/20 s. CPU seconds are those of
-all processes; seconds are those of the clock, and worth reading only on a machine that does nothing else. mujoco-warp's rows are
-there where the extra `gpu` is installed, its rows on a GPU where there is one.
+The scripted grasp reaches, grasps and lifts, with observation and reward after every control step of 1/20 s. CPU seconds are
+those of all processes. Wall seconds are meaningful only on an idle machine. Rows of mujoco-warp need the extra `gpu`, its GPU
+rows a GPU.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ ON_CPU, ON_GPU = 16, 4096
 
 @dataclass(frozen=True)
 class Setting:
-    """A row."""
+    """Row of the table."""
 
     engine: str
     iterations: int
@@ -49,7 +49,7 @@ class Setting:
     device: str = "cpu"
 
     def config(self) -> GraspEnvConfig:
-        """Of the environment."""
+        """Return the configuration of the environment."""
         return GraspEnvConfig(engine=self.engine, physics=Physics(iterations=self.iterations), processes=self.processes,
                               device=self.device,
                       base="script", steps=STEPS)  # fmt: skip
@@ -69,7 +69,7 @@ def main() -> None:
 
 
 def row(hand: HandModel, tasks: list[Task], setting: Setting) -> str:
-    """One setting, measured."""
+    """Measure one setting."""
     core = GraspWorlds(hand, [tasks[k % len(tasks)] for k in range(setting.worlds)], setting.config())
     cpu_s, clock_s, goal, depths = _rollouts(core, setting.worlds)
     core.close()
@@ -81,8 +81,7 @@ def row(hand: HandModel, tasks: list[Task], setting: Setting) -> str:
 
 
 def _rollouts(core: GraspWorlds, n: int) -> tuple[float, float, float, np.ndarray]:
-    """CPU seconds, seconds, share of objects at their goals at the end, depths in mm. A first step, which compiles, is not
-    counted.
+    """Return CPU seconds, seconds, share of objects at their goals at the end, and depths in mm, without the first step.
     """
     rngs = [np.random.default_rng(k) for k in range(n)]
     core.reset(range(n), rngs)
@@ -102,7 +101,7 @@ def _rollouts(core: GraspWorlds, n: int) -> tuple[float, float, float, np.ndarra
 
 
 def _learning(hand: HandModel, tasks: list[Task], setting: Setting) -> float:
-    """Control steps a second of PPO, updates and all; the policy is computed on the CPU. The first update is not counted."""
+    """Return the control steps per second of PPO with updates, without the first update; the policy runs on the CPU."""
     envs = AffordanceGraspVector(setting.worlds, hand, tasks, **vars(setting.config()))
     config, clock = ppo.PPOConfig(updates=3), list[float]()
     model = new_teacher(TeacherTrainingConfig(0, setting.worlds, "small", 0.5, 0.5, config), envs.core.width, envs.core.motors)
@@ -121,7 +120,7 @@ def _warp() -> list[Setting]:
 
 
 def _cpu_s() -> float:
-    """Of this process and of those that it has started."""
+    """Return the CPU seconds of this process and of its children."""
     mine = psutil.Process()
     return float(sum(sum(one.cpu_times()[:2]) for one in (mine, *mine.children(recursive=True))))
 

@@ -1,9 +1,9 @@
-"""Score the extraction stages on rendered clips and write the result where people read it.
+"""Score the extraction stages on rendered clips and write the results into the documentation.
 
     PYTHONPATH=. python benchmarks/bench_extraction.py [--eval-seed N] [--store DIR]
 
 Writes benchmarks/extraction.md (the whole report), the results block of README.md, docs/pictures/report.jpg and
-docs/pictures/overview.jpg. Nothing in those is typed by hand.
+docs/pictures/overview.jpg. All of them are generated.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ README_ROWS = (
 
 
 def measure(seed: int, store: str | None) -> dict[str, Any]:
-    """The JSON summary of one report."""
+    """Return the JSON summary of one report."""
     command = [sys.executable, str(ROOT / "pipeline.py"), "run", "extraction-report", "--json", "--set",
                f"extraction_report.eval_seed={seed}", *(["--store", store] if store else [])]  # fmt: skip
     done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True)
@@ -67,7 +67,7 @@ def readme_table(metrics: dict[str, float], seed: int) -> str:
 
 
 def footer(metrics: dict[str, float], seed: int) -> str:
-    """What the stages cost, and on what this was measured."""
+    """Return the costs of the stages and the machine of the measurement."""
     head, machine = "cpu_s_per_frame", f"Python {platform.python_version()}, {platform.machine()}"
     rows = [(name.partition(".")[2], value) for name, value in sorted(metrics.items()) if name.startswith(head + ".")]
     costs = "".join(f"| {name} | {value:.3f} |\n" for name, value in [*rows, ("together", metrics[head])])
@@ -75,14 +75,14 @@ def footer(metrics: dict[str, float], seed: int) -> str:
 
 
 def cell(metrics: dict[str, float], name: str) -> str:
-    """A number as it is shown; '' for none."""
+    """Format a number; '' for none."""
     if name not in metrics:
         return ""
     return f"{metrics[name]:.1f}" if name.endswith("_db") else f"{metrics[name]:.3f}"
 
 
 def into_readme(block: str) -> None:
-    """Replace what stands between the two markers of README.md."""
+    """Replace the text between the two markers of README.md."""
     path = ROOT / "README.md"
     before, _, rest = path.read_text().partition(START)
     _, _, after = rest.partition(END)
@@ -90,7 +90,7 @@ def into_readme(block: str) -> None:
 
 
 def pictures(report: Path) -> None:
-    """The sheet of all clips, and four of its rows as the picture of the README."""
+    """Write the sheet of all clips, and four of its rows for the README."""
     folder = ROOT / "docs" / "pictures"
     folder.mkdir(parents=True, exist_ok=True)
     sheet = cv2.imread(str(report / "sheet.jpg"))

@@ -70,7 +70,7 @@ def full(report: Path, policies: Sequence[str], sections: Mapping[str, str]) -> 
 
 
 def alone(report: Path, text: str, found: Mapping[str, Any]) -> None:
-    """One seed: the report, how long it took where all was made anew, and pictures."""
+    """Write the report of one seed, its run time if nothing was cached, and pictures."""
     page = (ROOT / "docs" / "grasping" / "grasping.md", "grasp", SELF)
     line = f"`make grasp` took {found['seconds'] / 60:.1f} minutes on this machine, all trainings included.\n\n"
     anew = found["ran"].get("hand_imitation") and found["ran"].get("teacher_0")
@@ -82,7 +82,7 @@ def alone(report: Path, text: str, found: Mapping[str, Any]) -> None:
 
 
 def section(text: str, title: str) -> str:
-    """What stands under a heading of the report; SystemExit where it has none."""
+    """Return the text below a heading of the report. Raises SystemExit when the heading is missing."""
     _, there, after = text.partition(f"## {title}\n\n")
     if not there:
         raise SystemExit(f"{title}: the report has no such section; ask for the rows that it is of")
@@ -91,7 +91,7 @@ def section(text: str, title: str) -> str:
 
 def short(rows: Sequence[ResultRow]) -> str:
     """A line for each policy that is shown and level in PyBullet; those that are not finished marked so."""
-    lines = ["| policy | objects | Succ % | AS %, successes | HLS | touches what is forbidden, end | seeds |",
+    lines = ["| policy | objects | Succ % | AS %, successes | HLS | forbidden contact at end (rate) | seeds |",
              "|---|---|--:|--:|--:|--:|--:|"]  # fmt: skip
     for row in (row for policy in SHOWN for row in rows if (row.policy, row.engine) == (policy, MAIN)):
         succ, safe, hls, touch = (row.figures.get(name, float("nan")) for name in FIGURES)

@@ -1,10 +1,9 @@
-"""Write the tables of docs/grasping/grasp-environments.md from the code, and how fast the environment of grasping is in both
-engines.
+"""Write the tables of docs/grasping/grasp-environments.md from the code, with the speed of both engines.
 
     PYTHONPATH=. python benchmarks/bench_grasp_env.py
 
-CPU seconds, one thread; a control step is 1/20 s and includes observation and reward. Random actions over the grasp by script, so
-that hands touch, hold and drop.
+Times are CPU seconds of one thread. A control step is 1/20 s and includes observation and reward. Random actions are added to
+the scripted grasp, so that hands touch, hold and drop.
 """
 
 from __future__ import annotations
@@ -40,7 +39,7 @@ SETTINGS = (("mujoco", "small", 50), ("mujoco", "small", 100), ("mujoco", "paper
 
 
 def main() -> None:
-    """Write."""
+    """Write all tables."""
     hand = hand_model.run(shadow_files(), hand_model.Params())
     for name, text in {"action": actions(hand), "wrench": wrenches(hand), "observation": observations(),
                        "reward": rewards(), "imitation": imitations(),
@@ -62,7 +61,7 @@ def actions(hand: HandModel) -> str:
 
 
 def wrenches(hand: HandModel) -> str:
-    """One row for each number of an action of the paper's mode: what a full one is, and where that comes from."""
+    """Return one row for each number of an action of the paper's mode: its full scale, and the source of that scale."""
     names = [hand.joints.name[k] for k in commanded_joints(hand.joints)]
     full, limits = actions_module.wrench_table(command_limits(hand.joints))[:, 0], command_limits(hand.joints)
     rows = ["| | of | unit | a full action | zero is | published |", "|--:|---|---|--:|--:|--:|"]
@@ -95,7 +94,7 @@ def rewards() -> str:
 
 
 def imitations() -> str:
-    """The same, of imitation."""
+    """Return the rows of the imitation terms."""
     rows = ["| term | " + " | ".join(tracking.REWARDS) + " | what |", "|---|" + "--:|" * len(tracking.REWARDS) + "---|"]
     for name, term in tracking.TERMS.items():
         rows.append(f"| {name} | {_weights(tracking.REWARDS, name)} | {term.doc} |")

@@ -1,8 +1,8 @@
-"""Say what the Shadow Hand is made of, how exact it is, and what its shapes cost in PyBullet; write it into docs/grasping/hand.md.
+"""Measure structure, accuracy and simulation cost of the Shadow Hand; writes docs/grasping/hand.md.
 
     PYTHONPATH=. python benchmarks/bench_hand.py
 
-Nothing in the marked parts of that page is typed by hand.
+The marked parts of that page are generated.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
-"""Hands found from the video alone, against hands as annotated. Writes benchmarks/hand_detect.md and docs/pictures/hand_detect.jpg.
+"""Evaluate hand detection from video alone; writes benchmarks/hand_detect.md and docs/pictures/hand_detect.jpg.
 
     PYTHONPATH=. python benchmarks/bench_hand_detect.py [--data ../shared/data] [--store DIR] [--finder DIR] [--seed N]
 
-Real clips (where they are there; both show the person from the front), VISOR's key frames of one kitchen clip, and rendered
-head-camera clips of fresh seeds, whose sleeves are no hand here. Masks are those of mask_densify on annotated frames: found, and
-carried there. `network alone` is what the finder says of the annotated frames, cut at one half, without clip, colours or time.
+Clips are real ones (where available; both show the person from the front), VISOR's key frames of one kitchen clip, and rendered
+head-camera clips of fresh seeds, in which sleeves are not hands. Masks are those of mask_densify on annotated frames. The rows
+`network alone` are the hand finder's output on the annotated frames, thresholded at one half.
 """
 
 from __future__ import annotations
@@ -53,9 +53,7 @@ Viewpoint = Literal["ego", "facing"]
 
 @dataclass
 class Shot:
-    """What is true of one annotated frame: a mask for each side in sight, and for each what it touches: None for nothing, absent
-    where that is not known.
-    """
+    """Ground truth of one annotated frame: a mask for each visible side, and what each hand touches (None for nothing)."""
 
     frame: int
     hands: dict[str, np.ndarray]
@@ -64,7 +62,7 @@ class Shot:
 
 @dataclass
 class Scene:
-    """A video to look at, and what is true of some of its frames."""
+    """Video, and the ground truth of some of its frames."""
 
     name: str
     weight_files: FileTree
@@ -190,7 +188,7 @@ def compare(shot: Shot, tracks: Tracks, t: int, tally: Tally) -> None:
 
 
 def _alone(shot: Shot, rgb: np.ndarray, params: hand_detect.Params, finder: FileTree) -> int:
-    """Hands of one frame that the network finds by itself, whatever their side."""
+    """Detect the hands of one frame with the network alone, regardless of their side."""
     turn = slice(None, None, -1 if params.viewpoint == "facing" else 1)
     said = find(np.ascontiguousarray(rgb[None, turn, turn]), None, finder)[0, turn, turn]
     hand, left = said[..., :2].sum(-1) > 0.5, said[..., 0] > said[..., 1]
@@ -229,7 +227,7 @@ def page(tallies: dict[str, Tally], seed: int) -> str:
         cells = [f"{a / b:.2f}" if b else "" for a, b in shares]
         rows.append((name, str(x.annotated), *cells, f"{1000 * x.cpu_s / max(x.frames, 1):.0f}"))
     said = (f"Hands of annotated frames found from the video alone at IoU {GOOD_IOU} or more; of those found, how many on the "
-            "right side, and how many are said rightly to touch something or nothing; of what they touch, how much was found at "
+            "right side, and how many have the correct contact state; of what they touch, how much was found at "
             "that IoU. `P90` and `P03_101` are real, the person of `P90` is seen from the front; rendered clips: "
             f"{RENDERED} of seed {seed}, on which nothing was chosen; a hand ends at the sleeve. The real clips were looked at "
             "and scored while the stage was made, and rules of it answer what failed there: they are no held-out test. "

@@ -1,11 +1,10 @@
-"""What it costs to look at a root of EPIC-KITCHENS size: 700 videos, all of them annotated.
+"""Measure the cost of reading a root of EPIC-KITCHENS size: 700 annotated videos. Writes benchmarks/ingest.md.
 
     PYTHONPATH=. python benchmarks/bench_ingest.py [--videos 700]
 
-The root is simulated with sparse files: tars of 400 MB as they are published, videos, or folders of frames. CPU seconds (user +
-system, start-up included) and peak memory of `run dataset --dry-run`; of reading every video's annotations and the index of its
-tar once, and of the run after it, in which nothing is to be done; and of the index of one tar of full length. Writes
-benchmarks/ingest.md.
+The root is simulated with sparse files: tars of 400 MB as published, videos, or folders of frames. Measured are CPU seconds
+(user + system, with start-up) and peak memory of `run dataset --dry-run`, of reading every video's annotations and tar index
+once, of the run after it, which is fully cached, and of the index of one full-length tar.
 """
 
 from __future__ import annotations
@@ -52,8 +51,8 @@ def spent(command: list[str]) -> tuple[float, float, str]:
             "print(used.ru_utime + used.ru_stime, used.ru_maxrss / 1024, (done.stdout.splitlines() or [''])[-1])")
     done = subprocess.run([sys.executable, "-c", code, *command], cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True,
                           env=os.environ | {"PYTHONPATH": str(ROOT)})
-    cpu, peak, said = done.stdout.strip().split(" ", 2)
-    return float(cpu), float(peak), said
+    cpu, peak, counts = done.stdout.strip().split(" ", 2)
+    return float(cpu), float(peak), counts
 
 
 def names(count: int) -> list[str]:
@@ -132,9 +131,9 @@ def main() -> None:
     rows = [(what, *planned(videos, write)) for what, write in kinds]
     once, again = read_twice(videos)
     rows += [(f"first reading: tars of {READ_TAR_MB} MB, {READ_FRAMES} frames each", *once), ("nothing to do", *again)]
-    said = f"{len(videos)} videos; tasks run, cached, failed: first {once[2]}; then {again[2]}"
+    counts = f"{len(videos)} videos; tasks run, cached, failed: first {once[2]}; then {again[2]}"
     lines = [f"# Ingest: a root of {len(videos)} annotated videos", "",
-             f"Simulated with sparse files ({said}). CPU seconds with start-up. {platform.machine()}, Python "
+             f"Simulated with sparse files ({counts}). CPU seconds with start-up. {platform.machine()}, Python "
              f"{platform.python_version()}. Written by `benchmarks/bench_ingest.py`.", "",
              "| what | CPU s | peak MiB |", "|---|--:|--:|"]
     lines += [f"| {what} | {cpu:.1f} | {peak:.0f} |" for what, cpu, peak, _ in rows]

@@ -1,10 +1,10 @@
-"""What the learned inpainters cost at their published sizes: time for a frame, and memory. Writes benchmarks/inpaint.md.
+"""Measure time per frame and memory of the learned inpainters at their published sizes. Writes benchmarks/inpaint.md.
 
     PYTHONPATH=. python benchmarks/bench_inpaint.py [--device cuda] [--dtype bfloat16] [--batch 8] [--threads 1]
 
-Random weights: cost does not depend on them. One window of VIDM is four frames at 256 x 256, of which one is filled; its sampler
-is run for a few steps, and the published 200 are told from the time of one. LaMa fills one frame of 456 x 256. Each model is
-measured in a process of its own, so that its memory is its own; rows of other devices and types stay in the page.
+Weights are random, since cost does not depend on them. One window of VIDM is four frames at 256 x 256, one of which is filled;
+its sampler runs a few steps, and the time of the published 200 is extrapolated. LaMa fills one frame of 456 x 256. Each model
+runs in a process of its own, so that its memory is measured separately. Rows of other devices and types stay in the page.
 """
 
 from __future__ import annotations
@@ -99,10 +99,11 @@ def table(rows: list[list[str]]) -> str:
            if line.startswith(("| vidm", "| lama"))] if PAGE.exists() else []  # fmt: skip
     kept = {tuple(row[:4]): row for row in [*old, *rows]}
     lines = ["| " + " | ".join(row) + " |" for row in (HEAD, ["---"] * 3 + ["--:"] * 5, *(kept[key] for key in sorted(kept)))]
-    said = (f"Published sizes, random weights. VIDM: a frame of 256 x 256 from four, {PUBLISHED_STEPS} steps, told from {STEPS[1]};"
+    head = (f"Published sizes, random weights. VIDM: a frame of 256 x 256 from four, {PUBLISHED_STEPS} steps, "
+            f"extrapolated from {STEPS[1]};"
             " LaMa: one of 456 x 256, one step. On a CPU CPU time and the largest memory of the process; on a GPU wall time "
             "and the largest memory allocated. Written by `benchmarks/bench_inpaint.py`.")  # fmt: skip
-    return "\n".join(["# Cost of the learned inpainters", "", said, "", *lines]) + "\n"
+    return "\n".join(["# Cost of the learned inpainters", "", head, "", *lines]) + "\n"
 
 
 def main() -> None:

@@ -1,6 +1,6 @@
-"""Rendered interactions: one of every kind as a sheet (docs/pictures/interactions.jpg), and what the set is like, for the docs.
+"""Write a sheet with one rendered interaction of every kind (docs/pictures/interactions.jpg) and statistics of the set.
 
-python benchmarks/bench_interactions.py [--rows 12]
+    python benchmarks/bench_interactions.py [--rows 12]
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ LETTERS_PX = 10
 
 
 def main() -> None:
-    """Render, look, say."""
+    """Render the sheet and print the statistics."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--rows", type=int, default=12)
     rows = parser.parse_args().rows
@@ -49,7 +49,7 @@ def main() -> None:
 
 
 def _kinds(specs: tuple[InteractionSpec, ...]) -> list[InteractionSpec]:
-    """One sequence of every use, every affordance first."""
+    """Return one sequence of every object type and affordance, every affordance first."""
     first = {spec.affordance: spec for spec in reversed(specs)}
     uses = {(spec.object_type, spec.affordance): spec for spec in reversed(specs)}
     return [*(first[name] for name in AFFORDANCES), *(spec for spec in reversed(uses.values()) if spec not in first.values())]

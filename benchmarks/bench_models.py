@@ -1,7 +1,7 @@
-"""How fast the two-hand models answer and train on one CPU core, and how large they are. Writes benchmarks/models.md.
+"""Measure inference and training speed of the two-hand models on one CPU core, and their size. Writes benchmarks/models.md.
 
-Run with `PYTHONPATH=. python benchmarks/bench_models.py`. CPU seconds of this process: wall time depends on the neighbours. The
-weights are random: speed does not depend on them.
+Run with `PYTHONPATH=. python benchmarks/bench_models.py`. Times are CPU seconds of this process. The weights are random, since
+speed does not depend on them.
 """
 
 from __future__ import annotations
@@ -79,11 +79,11 @@ def main() -> None:
     head = ["model", "million parameters", *(f"predict {w} x {h}, ms" for h, w in IMAGES), "trained, samples / s"]
     table = ["| " + " | ".join(cells) + " |" for cells in (head, ["---", *["--:"] * (len(head) - 1)], *rows)]
     goals = (float(rows[0][2]) < GOAL_MS, float(rows[0][-1]) >= GOAL_PER_S)
-    said = [f"{goal}: {'met' if met else 'not met'}" for goal, met in zip(
+    goals = [f"{goal}: {'met' if met else 'not met'}" for goal, met in zip(
         (f"under {GOAL_MS} ms an image at 456 x 256", f"at least {GOAL_PER_S} samples a second in training"), goals, strict=True)]
     text = "\n".join(["# Speed of the two-hand models", "", "CPU time on one core, random weights, float32; training in batches of "
                       f"{BATCH} with losses and AdamW. Written by `benchmarks/bench_models.py`.", "", *table, "",
-                      f"Goals of `small`: {'; '.join(said)}."]) + "\n"  # fmt: skip
+                      f"Goals of `small`: {'; '.join(goals)}."]) + "\n"  # fmt: skip
     PAGE.write_text(text)
     print(text)
 

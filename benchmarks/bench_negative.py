@@ -1,9 +1,9 @@
-"""Find out where a hand must not go on objects with known parts, and write how right it is where people read it.
+"""Evaluate negative affordance on objects with known parts and write the results into the documentation.
 
     PYTHONPATH=. python benchmarks/bench_negative.py [--store DIR]
 
-Writes the results block of docs/surface/negative-affordance.md, the table of the README and docs/pictures/negative.jpg. Nothing
-in those is typed by hand.
+Writes the results block of docs/surface/negative-affordance.md, the table of the README and docs/pictures/negative.jpg. All of
+them are generated.
 """
 
 from __future__ import annotations

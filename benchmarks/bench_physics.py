@@ -1,8 +1,8 @@
-"""How fast both engines are and how deep contacts go, in grasps by script on five kinds of tools; writes benchmarks/physics.md.
+"""Measure speed and contact depth of both engines in scripted grasps of five kinds of tools; writes benchmarks/physics.md.
 
     PYTHONPATH=. python benchmarks/bench_physics.py
 
-CPU seconds, one thread. A control step is 1/20 s and includes reading the state; a grasp is 42 of them.
+Times are CPU seconds of one thread. A control step is 1/20 s and includes reading the state; a grasp takes 42 of them.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from stages.synthetic import object_build
 
 TOOLS = ("hammer", "knife", "screwdriver", "spatula", "chisel")
 SEEDS = (11, 12, 13, 14)
-"""objects that the search of the grasp has not seen"""
+"""object seeds that the search for the scripted grasp did not use"""
 STEPS = SETTLE + DESCEND + CLOSE + LIFT + HOLD
 AT = np.array([0.0, 0.0, 0.002, 0.0, 0.0, 0.0, 1.0])
 SETTINGS = (("bullet", Physics(iterations=20)), ("bullet", Physics(iterations=50)), ("bullet", Physics(iterations=100)),
@@ -35,7 +35,7 @@ SETTINGS = (("bullet", Physics(iterations=20)), ("bullet", Physics(iterations=50
 
 @dataclass(frozen=True, eq=False)
 class Row:
-    """What came of one setting."""
+    """Result of one setting."""
 
     outcomes: dict[str, list[Outcome]]
     cpu_s: float

@@ -1,9 +1,9 @@
-"""Our PPO beside that of stable-baselines3 on Pendulum-v1, with equal settings; writes benchmarks/ppo.md.
+"""Compare PPO with that of stable-baselines3 on Pendulum-v1 with equal settings; writes benchmarks/ppo.md.
 
     pip install stable-baselines3 && PYTHONPATH=. python benchmarks/bench_ppo.py
 
-Both see normalised observations and rewards times 0.01, start with a spread of 1, and have equal networks, batches and rates;
-in turn, one thread, CPU seconds of the process. Pendulum ends by its time limit alone, which both bootstrap.
+Both use normalised observations, rewards times 0.01, an initial standard deviation of 1, and equal networks, batches and rates.
+They run in turn on one thread; times are CPU seconds. Pendulum ends only by its time limit, from which both bootstrap.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ HIDDEN, LIMIT, SCALE = (64, 64), 2.0, 0.01
 
 @dataclass(frozen=True)
 class Row:
-    """One training."""
+    """Result of one training."""
 
     name: str
     seed: int
@@ -52,7 +52,7 @@ class Pendulums:
         return self.envs.reset(seed=self.seed)[0]
 
     def step(self, action: np.ndarray) -> StepResult:
-        """Act."""
+        """Step all environments."""
         obs, reward, terminated, truncated, infos = self.envs.step((LIMIT * action).clip(-LIMIT, LIMIT))
         final_obs = obs.copy()
         for k in np.flatnonzero(terminated | truncated):
@@ -77,7 +77,7 @@ def main() -> None:
 
 
 def ours(seed: int) -> Row:
-    """afford/grasping/rl/ppo.py."""
+    """Train with afford/grasping/rl/ppo.py."""
     torch.manual_seed(seed)
     model = ActorCritic(PolicyConfig(3, 1, HIDDEN, "tanh", 1.0))
     spent = _timed(lambda: train(Pendulums(seed), model, SETTINGS, make_optimizer(model, SETTINGS.lr), 0, lambda _, __: None))
@@ -91,7 +91,7 @@ def ours(seed: int) -> Row:
 
 
 def theirs(seed: int) -> Row:
-    """stable-baselines3."""
+    """Train with stable-baselines3."""
     from stable_baselines3 import PPO
     from stable_baselines3.common.env_util import make_vec_env
     from stable_baselines3.common.vec_env import VecNormalize

@@ -1,9 +1,9 @@
-"""What kills, damage, full disks, odd files and foreign hands do to a run. Writes benchmarks/reliability.md.
+"""Measure the effect of kills, damage, full disks, malformed files and concurrency on a run; writes benchmarks/reliability.md.
 
     PYTHONPATH=. python benchmarks/bench_reliability.py [--quick] [--seed N] [--only kills,flips] [--fuzz N] [--out DIR]
 
-Every part can be run alone: figures of the others are kept in reliability.json beside the page. Exit 1 where anything failed.
-Needs no network and no rights; what cannot be had on a machine is skipped, with the reason.
+Every part can run alone: figures of the others are kept in reliability.json. The exit code is 1 when a test failed. No network
+and no privileges are needed; a test that a machine cannot run is skipped with the reason.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ def _listed(title: str, lines: list[str]) -> list[str]:
 
 
 def parsed() -> argparse.Namespace:
-    """What was asked for."""
+    """Parse the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="a few of each row")
     parser.add_argument("--seed", type=int, default=1)

@@ -1,8 +1,8 @@
-"""Fit the Shadow Hand to recorded and made-up motion of people: how closely, how fast, what is dropped; write retarget.md.
+"""Measure retargeting of recorded and synthetic human motion to the Shadow Hand: error, speed, dropped clips. Writes retarget.md.
 
     PYTHONPATH=. python benchmarks/bench_retarget.py [FOLDER]
 
-FOLDER holds `human_hand_keypoints_right.npz` and `dexycb_train_grasps.npz`; without it only made-up motion is measured.
+FOLDER contains `human_hand_keypoints_right.npz` and `dexycb_train_grasps.npz`; without it only synthetic motion is measured.
 """
 
 from __future__ import annotations
@@ -140,12 +140,12 @@ lengths. Fingertips is how far the robot's are from the person's own, in the wor
 (`keep_tips`). Bones is the mean angle between the bones of both hands. The fastest joint is the fastest of any clip.
 
 {head}{"".join(map(_line, rows))}
-## What smoothness costs
+## Cost of smoothness
 
 `acceleration_m`, on the first clip: the error that 100 rad/s² are worth.
 
 {head}{"".join(map(_line, prices))}
-## What is dropped
+## Dropped clips
 
 Made-up clips, damaged on purpose, and the rule that dropped them.
 

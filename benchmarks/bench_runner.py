@@ -1,9 +1,9 @@
-"""What the runner costs, beside doit and joblib: N shards through three stages of 10 kB each.
+"""Measure the overhead of the runner compared with doit and joblib: N shards through three stages of 10 kB each.
 
     python benchmarks/bench_runner.py [--shards 1000] [--peers PYTHON_WITH_DOIT_AND_JOBLIB]
 
-CPU seconds of the whole process tree (user + system), interpreter start and imports included; the best of three for runs
-that do nothing. Writes benchmarks/runner.md.
+Times are CPU seconds of the whole process tree (user + system) with interpreter start and imports; the best of three for cached
+runs. Writes benchmarks/runner.md.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ def write_ours(folder: Path, shards: int, jobs: int, *, factor: int = 3, comment
 
 
 def ours(shards: int) -> list[tuple[str, float, str]]:
-    """(what, CPU seconds, stages run) of every scenario."""
+    """Return (scenario, CPU seconds, stages run) of every scenario."""
     with tempfile.TemporaryDirectory() as name:
         folder, run = Path(name), [sys.executable, "main.py"]
         write_ours(folder, shards, 2)

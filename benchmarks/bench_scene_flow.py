@@ -1,6 +1,6 @@
-"""Scene flow of rendered interactions against their truth, and how long a pair of frames takes; writes scene_flow.md.
+"""Evaluate scene flow of rendered interactions against ground truth, with the time per frame pair; writes scene_flow.md.
 
-PYTHONPATH=. python benchmarks/bench_scene_flow.py [SEQUENCES]
+    PYTHONPATH=. python benchmarks/bench_scene_flow.py [SEQUENCES]
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ SIZES_PX = (112, 300)
 
 
 class Scratch(NamedTuple):
-    """A context of a stage."""
+    """Context of a stage."""
 
     scratch: Path
 
     def progress(self, done: int, total: int) -> None:
-        """Nobody looks."""
+        """Ignore progress."""
 
 
 class Row(NamedTuple):
-    """One way at one size."""
+    """One backend at one size."""
 
     size_px: int
     backend: str
@@ -65,7 +65,7 @@ def made(size_px: int, count: int) -> list[tuple[InteractionClip, InteractionTru
 
 
 def measured(size_px: int, clips: list[tuple[InteractionClip, InteractionTruth]]) -> list[Row]:
-    """Every backend on the same clips."""
+    """Measure all backends on the same clips."""
     return [_row(size_px, backend, clips) for backend in ("difference", "regularised")]
 
 
@@ -81,7 +81,7 @@ def _row(size_px: int, backend: str, clips: list[tuple[InteractionClip, Interact
 
 
 def _errors(flow: SceneFlow, truth: InteractionTruth) -> tuple[EndPointError, EndPointError]:
-    """In m, and on the image in px."""
+    """Return the errors in metres, and in pixels on the image."""
     moving = moving_mask(truth.flow_m)
     return (end_point_error(flow.flow_m, truth.flow_m, truth.valid, moving),
             end_point_error(flow.flow_px, truth.flow_px, truth.valid, moving))  # fmt: skip

@@ -1,13 +1,12 @@
-"""Train SOR3D-AFF's model, or with --ablation its rows, and write how good they are where people read it.
+"""Train SOR3D-AFF's model, or the rows of its ablation with --ablation, and write the results into the documentation.
 
     PYTHONPATH=. python benchmarks/bench_sor3d.py [--store DIR] [--set STAGE.PARAM=VALUE] [--settings | --static | --ablation
         [--rows ROW,ROW] [--first-seed N] [--seeds N] [--minutes N]]
 
-Writes the results of docs/rgbd/sor3d.md: the model, the table of the README and docs/pictures/sor3d.jpg; with --ablation the
-ablation
-alone, of all trainings that benchmarks/sor3d_ablation.json knows, to which those of this run are added; with --set besides, of this
-run alone, and what was asked for; with --static the model beside the detector on single pictures, alone; with --settings how large
-small and paper are and how they are trained, alone. Nothing in those is typed by hand.
+Writes the results of docs/rgbd/sor3d.md: the model, the table of the README and docs/pictures/sor3d.jpg. With --ablation, the
+ablation only: all trainings in benchmarks/sor3d_ablation.json and those of this run, or with --set those of this run only. With
+--static, the comparison with the detector on single images. With --settings, the sizes and training settings of small and
+paper.
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ SELF = Path(__file__).name
 PAGE, README, PICTURE = ROOT / "docs" / "rgbd" / "sor3d.md", ROOT / "README.md", ROOT / "docs" / "pictures" / "sor3d.jpg"
 QUALITY = 88
 FIGURES = ("iou", "f", "fw")
-CAPTION = "Sequences of validation: last frame, truth, what was said of the video and of the last frame alone, attention"
+CAPTION = "Sequences of validation: last frame, truth, prediction of the video and of the last frame alone, attention"
 
 
 def main() -> None:
@@ -71,17 +70,17 @@ def ablation(asked: argparse.Namespace, sets: tuple[str, ...]) -> str:
     found = make("sor3d-ablation", asked.store, *limit, *sets, *(word for one in plan for word in ("--set", one)))
     report = Path(found["outputs"]["report"])
     if sets:
-        return told(asked) + body(report)
+        return stated(asked) + body(report)
     return sor3d_kept.table(sor3d_kept.add(sor3d_kept.KEPT, report / "scores.json", head()), found["metrics"])
 
 
-def told(asked: argparse.Namespace) -> str:
-    """What was asked for beside the rows."""
+def stated(asked: argparse.Namespace) -> str:
+    """Return the settings of the command line other than the rows."""
     return f"Asked for: `{' '.join([*asked.set, f'--seeds {asked.seeds}'])}`.\n\n"
 
 
 def schedule() -> str:
-    """Every parameter of the training in which small and paper differ."""
+    """Return the training parameters in which small and paper differ."""
     small, paper = sor3d_train.Params(), sor3d_train.PAPER
     rows = [(name, getattr(small, name), getattr(paper, name), doc) for name, _, _, doc, _ in parameters_of(small)]
     lines = "".join(f"| `{name}` | {small} | {paper} | {doc} |\n" for name, small, paper, doc in rows if small != paper)
@@ -89,14 +88,14 @@ def schedule() -> str:
 
 
 def sizes() -> str:
-    """How many numbers each variant learns."""
+    """Return the number of parameters of each variant."""
     counts = {name: sum(one.numel() for one in build(made(), 0).parameters()) for name, made in VARIANTS.items()}
-    told = (f"`{name}` has {count / 1e6:.3g} million parameters" for name, count in counts.items())
-    return f"{', '.join(told)}.\n"
+    counted = (f"`{name}` has {count / 1e6:.3g} million parameters" for name, count in counts.items())
+    return f"{', '.join(counted)}.\n"
 
 
 def lasted(made: dict[str, Any]) -> str:
-    """How long it took, where the model was trained by this very run; nothing where it was made before."""
+    """Return the training time, if this run trained the model; '' for a cached model."""
     if not made["ran"].get("sor3d_train"):
         return ""
     sequences = "its sequences included" if made["ran"].get("interaction_render") else "its sequences made before"
@@ -104,17 +103,17 @@ def lasted(made: dict[str, Any]) -> str:
 
 
 def body(report: Path) -> str:
-    """What stands below the title."""
+    """Return the text below the title."""
     return (report / "report.md").read_text(encoding="utf-8").partition("\n\n")[2]
 
 
 def short(numbers: dict[str, float]) -> str:
-    """Ours beside the paper's."""
+    """Compare the results with the paper's."""
     def line(mode: str, words: str) -> str:
         ours = [f"{numbers[f'{mode}.{name}']:.3f}" for name in FIGURES]
         return f"| {' | '.join((words, *ours, *(f'{value:.2f}' for value in ablation_rows.PUBLISHED_MODEL[mode])))} |\n"
 
-    head = "| | IoU | F | weighted F | paper: IoU | F | weighted F |\n|---|--:|--:|--:|--:|--:|--:|\n"
+    head = "| | IoU | F | weighted F | paper, its data: IoU | F | weighted F |\n|---|--:|--:|--:|--:|--:|--:|\n"
     return head + line("video", "videos") + line("static", "pictures")
 
 

@@ -1,10 +1,9 @@
-"""How fast SOR3D-AFF's model answers and learns, beside the paper's 22 ms. Writes benchmarks/sor3d_speed.md.
+"""Measure inference and training speed of SOR3D-AFF's model, compared with the paper's 22 ms. Writes benchmarks/sor3d_speed.md.
 
     PYTHONPATH=. python benchmarks/bench_sor3d_speed.py
 
-CPU: seconds of this process, one core. A CUDA device, where there is one: seconds on the clock, the device waited for. The weights
-are random: speed does not depend on them. Frames are what the model is given: flow is found before
-(benchmarks/scene_flow.md), pictures need none.
+CPU times are seconds of this process on one core; times of a CUDA device are synchronised wall seconds. The weights are random,
+since speed does not depend on them. The flow input is computed beforehand (benchmarks/scene_flow.md); images need none.
 """
 
 from __future__ import annotations
@@ -32,7 +31,7 @@ HEAD = ("model", "device", "px", "million parameters", "picture, ms", f"video of
 
 
 def median_s(work: Callable[[], object], device: str, repeats: int) -> float:
-    """Of one call, after one that does not count."""
+    """Return the median seconds of a call, after one warm-up call."""
     clock = time.process_time if device == "cpu" else time.perf_counter
     work()
     found = []
@@ -51,13 +50,13 @@ def _wait(device: str) -> None:
 
 
 def seen(count: int, length: int, config: Sor3dConfig, device: str) -> InputBatch:
-    """`count` sequences of noise."""
+    """Build `count` sequences of noise."""
     shape = (count, length, 4, config.size_px, config.size_px)
     return InputBatch(torch.rand(shape, device=device), torch.rand((count, length, 3, *shape[3:]), device=device))
 
 
 def answers_ms(model: Sor3d, device: str, repeats: int) -> list[float]:
-    """A picture, a video, a video and its mirror image."""
+    """Measure an image, a video, and a video with its mirror image, in ms."""
     ways = ((model, 1), (model, FRAMES), (lambda frames: predict_with_flip(model, frames), FRAMES))
     with torch.inference_mode():
         return [1000 * median_s(lambda: ask(frames), device, repeats)  # noqa: B023  # called before the next
@@ -65,7 +64,7 @@ def answers_ms(model: Sor3d, device: str, repeats: int) -> list[float]:
 
 
 def learned_per_s(model: Sor3d, name: str, device: str) -> float:
-    """Through forward, losses, backward and AdamW, in the batches of its plan."""
+    """Measure forward, losses, backward and AdamW, in the batches of a training plan."""
     plan, size = PLANS[name], model.config.size_px
     optimiser = torch.optim.AdamW(model.train().parameters(), lr=plan.lr)
     frames = seen(plan.batch, FRAMES, model.config, device)
@@ -94,7 +93,7 @@ def row(name: str, device: str) -> list[str]:
 
 
 def precision(name: str, device: str) -> str:
-    """What a plan multiplies while it learns, on a device of this machine."""
+    """Return the training precision of a plan on a device of this machine."""
     with autocast(device, PLANS[name].bf16):
         return str((torch.ones(2, 2, device=device) @ torch.ones(2, 2, device=device)).dtype).removeprefix("torch.")
 
@@ -105,11 +104,11 @@ def main() -> None:
     devices = ["cpu", *(["cuda"] if torch.cuda.is_available() else [])]
     rows = [row(name, device) for device in devices for name in VARIANTS]
     table = ["| " + " | ".join(cells) + " |" for cells in (HEAD, ["---"] * 2 + ["--:"] * (len(HEAD) - 2), *rows)]
-    said = "" if len(devices) > 1 else " No CUDA device was at hand."
+    note = "" if len(devices) > 1 else " No CUDA device was at hand."
     PAGE.write_text("\n".join([
         "# Speed of SOR3D-AFF's model", "", "Random weights. Answers are in float32. CPU: CPU time on one core; cuda: the clock. "
         "Learning: forward, losses, backward and AdamW. Written by `benchmarks/bench_sor3d_speed.py`.", "", *table, "",
-        f"Published: {PUBLISHED_MS} ms a mask.{said}"]) + "\n")
+        f"Published: {PUBLISHED_MS} ms a mask.{note}"]) + "\n")
     print(PAGE.read_text())
 
 

@@ -1,11 +1,11 @@
-"""The best that single pictures of rendered sequences allow who sees all but what was done. Writes a block of docs/rgbd/sor3d.md.
+"""Compute the upper bound of static prediction on rendered sequences. Writes a block of docs/rgbd/sor3d.md.
 
     PYTHONPATH=. python benchmarks/bench_static_ceiling.py
 
-Somebody names every thing and outlines every part without fault, and must say one affordance of each type of thing, for nothing in
-the picture tells which of its uses was shown. Of all such answers the one with the best mean IoU on validation itself is taken,
-which nobody could know; found by changing one type at a time, from many starts. All regions count as equally large, and a wrong
-one costs the affordance that it is called and the one that it was.
+An oracle knows every object and outlines every part exactly, but has to predict one affordance per object type, since an image
+does not show which affordance was used. The bound is the assignment with the best mean IoU on the validation set itself, found
+by changing one type at a time from many starts. All regions count as equally large. A wrong prediction reduces the score of the
+predicted and of the true affordance.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def main() -> None:
 
 
 def climb(said: dict[str, str], seen: Counter[tuple[str, str]]) -> dict[str, str]:
-    """The answer that no change of one type makes better."""
+    """Improve an assignment until no change of one type makes it better."""
     best = -1.0
     while (now := means(said, seen)[0]) > best:
         best = now

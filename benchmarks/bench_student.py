@@ -1,9 +1,8 @@
-"""Write the tables of docs/grasping/student.md: sizes of the network, what noise of depth is drawn from, what seeing and acting
-cost.
+"""Write the tables of docs/grasping/student.md: network sizes, depth noise, and the cost of rendering and acting.
 
     PYTHONPATH=. python benchmarks/bench_student.py
 
-CPU milliseconds of one thread for one world and one control step, in the middle of grasps by script.
+Times are CPU milliseconds of one thread for one world and one control step, in the middle of scripted grasps.
 """
 
 from __future__ import annotations
@@ -61,7 +60,7 @@ def grasps() -> GraspWorlds:
 
 
 def sizes(core: GraspWorlds) -> str:
-    """Of both networks."""
+    """Return the sizes of both networks."""
     rows = ["| size | numbers of the robot | points | token | blocks | heads | dropout | perceptron | weights |",
             "|---|--:|---|--:|--:|--:|--:|---|--:|"]  # fmt: skip
     for size, layout in (("small", "small"), ("paper", "paper")):
@@ -79,7 +78,7 @@ def _robot_width(core: GraspWorlds, layout: str) -> int:
 
 
 def noise() -> str:
-    """What differs between worlds."""
+    """Return the ranges that differ between worlds."""
     rows = [f"| {name} | {span.low:g} | {span.high:g} | {span.spread} |" for name, span in RANDOM_DEPTH.items()]
     return "\n".join(["| of DepthNoise | from | to | spread |", "|---|--:|--:|---|", *rows, ""])
 

@@ -1,4 +1,4 @@
-"""Figures of examined policies of grasping, kept beside the scripts: seeds that were trained apart become one table."""
+"""Store of the figures of evaluated grasp policies: seeds that were trained separately are merged into one table."""
 
 from __future__ import annotations
 
@@ -38,8 +38,10 @@ class Known(NamedTuple):
 
 
 def add(kept: Path, scores: Path, commit: str, policies: Collection[str] = ()) -> Kept:
-    """What is known, and now what a report's scores.json tells of the policies, or of all. It replaces what was known of the same
-    seeds; a seed that is part of a mean whose other seeds are not there stays as it is in that mean, and is said to.
+    """Add the figures of a report's scores.json, of the given policies or of all.
+
+    Figures of the same seeds are replaced. A seed that is part of a mean whose other seeds are missing is kept in that mean,
+    and reported.
     """
     known: Kept = json.loads(kept.read_text()) if kept.exists() else {}
     told: dict[str, dict[str, float]] = json.loads(scores.read_text())
@@ -52,7 +54,7 @@ def add(kept: Path, scores: Path, commit: str, policies: Collection[str] = ()) -
             del known[name]
         for one in same if name in known else ():
             twin = _name(one)
-            print(f"{twin}: stays as it is in {name}, for not all seeds of that mean were trained anew")
+            print(f"{twin}: unchanged in {name}, because not all seeds of that mean were retrained")
             del fresh[twin]
     known |= fresh
     kept.write_text(json.dumps(known, indent=1, sort_keys=True) + "\n")
@@ -60,7 +62,7 @@ def add(kept: Path, scores: Path, commit: str, policies: Collection[str] = ()) -
 
 
 def read(known: Kept) -> list[Known]:
-    """By cell and seeds."""
+    """Return the figures by cell and seeds."""
     out = list[Known]()
     for name, one in known.items():
         policy, seeds, level, engine = name.rsplit("-", 3)
@@ -95,7 +97,7 @@ def merged(parts: Sequence[Known]) -> dict[str, float]:
 
 
 def table(known: Kept) -> str:
-    """All of them with the commits they were trained at, and those that have published rows beside those."""
+    """Return the table of all figures with the commits they were trained at, followed by published rows where they exist."""
     found = rows(known)
     commits = ", ".join(dict.fromkeys(_commits(read(known), found)))
     head = f"Trained at the commits {commits}."

@@ -1,8 +1,8 @@
-"""Write the tables of docs/surface/negative-affordance.md: categories with their parts, and what is true of every evaluated task.
+"""Write the tables of docs/surface/negative-affordance.md: categories with their parts, and the true parts of every task.
 
     PYTHONPATH=. python benchmarks/negative_table.py
 
-Nothing in those tables is typed by hand.
+Both tables are generated.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ PAGE = ROOT / "docs" / "surface" / "negative-affordance.md"
 
 
 def categories() -> str:
-    """Every category with its parts, and whether training sees it."""
+    """Return each category with its parts, and whether training shows it."""
     lines = ("| category | parts | |\n|---|---|---|\n",)
     for name in sorted(BUILDERS):
         parts = dict.fromkeys(solid.part for solid in BUILDERS[name](np.random.default_rng(0)))
@@ -29,7 +29,7 @@ def categories() -> str:
 
 
 def tasks() -> str:
-    """Every evaluated task with the parts that are negative and those where the hand belongs."""
+    """Return each evaluated task with its negative parts and its natural parts."""
     lines = ("| thing | task | must not be touched | a hand belongs on | why |\n|---|---|---|---|---|\n",)
     for name in sorted(TASKS):
         for task in TASKS[name]:

@@ -29,8 +29,9 @@ def into(page: Path, name: str, by: str, block: str) -> None:
 
 
 def took(page: Path, name: str, by: str, line: str) -> str:
-    """`line`, which says how long a target took; where it is empty, since nothing was made anew, that which the block begins with,
-    or nothing. SystemExit without marks.
+    """Return `line`, the run time of a target, or the line of the block when `line` is empty (the target was cached).
+
+    Raises SystemExit without marks.
     """
     kept = TOOK.match(_parts(page, name, by)[1])
     return line or (kept.group() if kept else "")

@@ -137,7 +137,7 @@ RUNS: dict[str, Run] = {
 
 
 def request(run: Run, store: Path) -> Request:
-    """What a run asks of the command line, with its sources written below the store."""
+    """Return the command-line request of a run, with its sources written below the store."""
     below = store / "pinned-sources"
 
     def text(value: Any) -> str:
@@ -162,9 +162,7 @@ def make(run: Run, store: Path) -> float:
 
 
 def outputs(run: Run, store: Path) -> Outputs:
-    """The digest of everything that a run has made, stage by stage in the order of the graph. SystemExit where something is not
-    there.
-    """
+    """Return the digests of all outputs of a run, by stage in the order of the graph. Raises SystemExit when one is missing."""
     found: Outputs = {}
     for plan in plan_request(request(run, store)):
         if plan.status != "cached":
@@ -200,7 +198,7 @@ NAMES_CODE: dict[str, str] = {
 
 @dataclass
 class Difference:
-    """What differs between two runs of a target."""
+    """Difference between two runs of a target."""
 
     equal: int = 0
     different: list[str] = field(default_factory=list)
@@ -216,12 +214,12 @@ class Difference:
         return " [names code]" if one.partition(":")[0] in NAMES_CODE else ""
 
 
-def compare(before: Outputs, now: Outputs, told: Callable[[str, str], str] = lambda before, now: "") -> Difference:
-    """Stages by their names; those whose names are gone by the digests of what they made. `told` says how two outputs differ."""
+def compare(before: Outputs, now: Outputs, describe: Callable[[str, str], str] = lambda before, now: "") -> Difference:
+    """Compare stages by name, or by the digests of their outputs where a name is gone; `describe` describes a difference."""
     found = Difference()
     for stage in before.keys() & now.keys():
         found.equal += sum(now[stage].get(shard) == digest for shard, digest in before[stage].items())
-    found.different = [f"{stage}: {changed(before[stage], now[stage], told)}" for stage in before
+    found.different = [f"{stage}: {changed(before[stage], now[stage], describe)}" for stage in before
                        if stage in now and before[stage] != now[stage]]  # fmt: skip
     gone, new = [stage for stage in before if stage not in now], [stage for stage in now if stage not in before]
     for stage in gone:
@@ -236,28 +234,28 @@ def compare(before: Outputs, now: Outputs, told: Callable[[str, str], str] = lam
     return found
 
 
-def changed(before: Mapping[str, str], now: Mapping[str, str], told: Callable[[str, str], str]) -> str:
-    """In which shards a stage differs, and how the first of them does."""
+def changed(before: Mapping[str, str], now: Mapping[str, str], describe: Callable[[str, str], str]) -> str:
+    """Describe the shards in which a stage differs, and the difference of the first one."""
     if sorted(before.values()) == sorted(now.values()):
         return "the same outputs under other names of shards"
     differ = [shard for shard in {**before, **now} if before.get(shard) != now.get(shard)]
-    first = next((told(before[shard], now[shard]) for shard in differ if shard in before and shard in now), "")
+    first = next((describe(before[shard], now[shard]) for shard in differ if shard in before and shard in now), "")
     shown = ", ".join(shard or "its one output" for shard in differ[:4])
     return f"{len(differ)} of {len({**before, **now})}: {shown}{' ...' if differ[4:] else ''}{first and f' ({first})'}"
 
 
 def by_file(store: Path, old: Path | None) -> Callable[[str, str], str]:
-    """What tells two outputs apart by their files, where the store that holds what is pinned is there."""
+    """Describe the difference of two outputs by their files, where the store of the pinned outputs exists."""
     if old is None:
         return lambda before, now: ""
     here, there = open_existing(store), open_existing(old)
 
-    def told(before: str, now: str) -> str:
+    def describe(before: str, now: str) -> str:
         was, is_now = blobs(there, before), blobs(here, now)
         differ = [name for name in {**was, **is_now} if was.get(name) != is_now.get(name)]
         return f"{len(differ)} of {len(is_now)} files: {', '.join(differ[:4])}{' ...' if differ[4:] else ''}"
 
-    return told
+    return describe
 
 
 def blobs(runner: Runner, digest: str) -> dict[str, str]:
@@ -269,7 +267,7 @@ def blobs(runner: Runner, digest: str) -> dict[str, str]:
 
 
 def pinned() -> dict[str, Any]:
-    """What is pinned; nothing where nothing was."""
+    """Return the pinned digests; empty without a file."""
     return json.loads(PINNED.read_text()) if PINNED.exists() else {"targets": {}}
 
 

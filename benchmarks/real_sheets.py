@@ -1,9 +1,9 @@
-"""Contact sheets of data sets made from real video, to be looked at: one PNG per source, written outside the project.
+"""Write contact sheets of data sets from real video, one PNG per source, outside the project.
 
     PYTHONPATH=. python benchmarks/real_sheets.py OUT SOURCE [SOURCE ...]
 
-Each SOURCE is an EPIC-format root or your own folder. The pictures show real people's frames under the source's licence
-(EPIC-KITCHENS, VISOR: CC BY-NC 4.0), so OUT must not lie inside the project.
+Each SOURCE is an EPIC-format root or your own folder. The images show real people's frames under the source's licence
+(EPIC-KITCHENS, VISOR: CC BY-NC 4.0), so OUT must not be inside the project.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""Search the numbers of the scripted grasp (grasping/sim/scripted.py) by the cross-entropy method, in MuJoCo, on a few objects.
+"""Search the parameters of the scripted grasp (grasping/sim/scripted.py) by the cross-entropy method, in MuJoCo, on a few objects.
 
     PYTHONPATH=. python benchmarks/search_grasp.py
 
-What it prints last is what `scripted.GRASP` says. A grasp is tried on every object with the hand put a little beside its place, the
-same for all grasps of a generation, so that those win that forgive.
+The last line printed is the value of `scripted.GRASP`. Each grasp is tried on every object with a perturbed hand pose, the same
+for all grasps of a generation, so that robust grasps win.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ def main() -> None:
 
 
 def flat(grasp: Grasp) -> np.ndarray:
-    """(17,) its numbers."""
+    """Flatten a grasp to its (17,) parameters."""
     return np.array(list(chain.from_iterable(v if isinstance(v, tuple) else (v,) for v in astuple(grasp))))
 
 
@@ -70,7 +70,7 @@ def shaped(row: np.ndarray) -> Grasp:
 
 
 def _score(grasp: Grasp, scenes: list[Scene], worlds: list[World], beside: np.ndarray) -> tuple[float, float]:
-    """What is maximised, and the share of objects that were held."""
+    """Return the objective, and the share of objects that were held."""
     total, held = 0.0, 0
     for scene, made, shift in zip(scenes, worlds, beside, strict=True):
         grip = tuple(np.add(grasp.grip_m, shift).tolist())

@@ -1,4 +1,4 @@
-"""Figures of the trainings of SOR3D-AFF's ablation, kept beside the scripts: hours, a few at a time, become one table."""
+"""Store of the figures of SOR3D-AFF's ablation trainings: separate runs are merged into one table."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Kept = dict[str, dict[str, Any]]
 
 
 def add(kept: Path, scores: Path, commit: str) -> Kept:
-    """What is known of every training, and now of those of a report's scores.json too, which replace what was known of them."""
+    """Add the figures of a report's scores.json to the stored ones; figures of the same training are replaced."""
     known: Kept = json.loads(kept.read_text()) if kept.exists() else {}
     known |= {name: {"commit": commit, "figures": figures} for name, figures in json.loads(scores.read_text()).items()}
     kept.write_text(json.dumps(known, indent=1, sort_keys=True) + "\n")
@@ -27,7 +27,7 @@ def add(kept: Path, scores: Path, commit: str) -> Kept:
 
 
 def table(known: Kept, motion: Mapping[str, float]) -> str:
-    """Every row over as many seeds as any row has, and at which commits they were trained; the motion, which has no seeds."""
+    """Return every row over the seeds it has, with the commits of its trainings, and the scene flow rows, which have no seeds."""
     planned = recipes(ALL, range(1 + max(int(name.rpartition("-")[2]) for name in known)))
     done = {name: one["figures"] for name, one in known.items()}
     text = report.ablation_page(figures_by_row(planned, done), planned_seeds(planned)) + report.flow_page(motion)

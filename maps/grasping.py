@@ -124,7 +124,7 @@ def negative_tasks(g: Graph, objects: Objects, p: Settings) -> tuple[GraspTask, 
 
 def positive_tasks(g: Graph, objects: Objects, p: Settings) -> tuple[tuple[GraspTask, ...], FileTree]:
     """Replace A_t of the training tasks by regions that the two-hand model of `run train` predicts; the tasks and a recording."""
-    model = g.pick(twohands.learn(g, stills_to_train(g, p), p), lambda t: t.files)
+    model = g.pick(twohands.train_model(g, stills_to_train(g, p), p), lambda t: t.files)
     x = surface.look_at(g, "positive", objects.spec[TRAINING], p.surface.view_render, p)
     descriptions = g.named("positive_describe").add(part_describe.run, mesh=x.mesh, views=x.views, params=p.surface.part_describe,
                                                     **weights(g, p, "part_describe"))  # fmt: skip

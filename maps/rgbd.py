@@ -1,4 +1,4 @@
-"""From RGB-D interactions to SOR3D-AFF's model, what it gets right and what each part of it is worth, one line per stage."""
+"""Map of SOR3D-AFF: RGB-D interactions, scene flow, training, evaluation and ablation, one line per stage."""
 
 from __future__ import annotations
 
@@ -33,20 +33,20 @@ from stages.rgbd import (
 from stages.synthetic import interaction_plan, interaction_render
 
 REPORTS = {"static_sor3d": ("sor3d", False), "static_boxes": ("boxes", False), "static_true_boxes": ("boxes", True)}
-"""stages that report, in the order of Told: which model, whether it is told the box"""
+"""stages that report, in the order of PictureReports: model, and true for true boxes"""
 HELD = "val"
-"""of rendered sequences, those that nothing was learned from"""
+"""split of rendered sequences that no training uses"""
 
 
 class Interactions(NamedTuple):
-    """Handles of one sequence; what is true of it where it was made (otherwise None)."""
+    """Handles of sequences and of their ground truth (None for recorded ones)."""
 
     clip: InteractionClip
     truth: InteractionTruth | None
 
 
 def sequences(g: Graph, origin: Origin, p: Settings) -> Interactions:
-    """Every sequence of the source; both ways go through the same files and the same reader."""
+    """Add every sequence of the source; rendered and recorded ones go through the same files and the same reader."""
     if origin.sequences:
         given = g.each(g.leaf("sequences", origin.sequences))
         return Interactions(g.add(interaction_read.run, files=given,                 params=p.rgbd.interaction_read), None)
@@ -56,8 +56,8 @@ def sequences(g: Graph, origin: Origin, p: Settings) -> Interactions:
     return Interactions(clip, g.pick(made, lambda m: m.truth))
 
 
-class Lessons(NamedTuple):
-    """What is learned from."""
+class TrainingData(NamedTuple):
+    """Handles of sequences, their motion, and the data set of a training."""
 
     found: Interactions
     flow: SceneFlow
@@ -65,8 +65,8 @@ class Lessons(NamedTuple):
     dataset: FileTree
 
 
-def lessons(g: Graph, origin: Origin, p: Settings) -> Lessons:
-    """Sequences -> their motion -> a data set. Recorded ones get ten slots, as in the released code: lengths are one."""
+def training_data(g: Graph, origin: Origin, p: Settings) -> TrainingData:
+    """Sequences, their motion and a data set; recorded ones get ten slots as in the released code, all of one length."""
     if origin.sequences:
         p = p.with_stages(interaction_read=replace(p.rgbd.interaction_read, frames="slots"),
                           interaction_pack=replace(p.rgbd.interaction_pack, name=origin.name, licence="unknown"))
@@ -74,11 +74,11 @@ def lessons(g: Graph, origin: Origin, p: Settings) -> Lessons:
     flow    = g.add(scene_flow.run, clip=found.clip,                                                 params=p.rgbd.scene_flow)
     packed  = g.add(interaction_pack.run,   clips=g.collect(found.clip), flows=g.collect(flow),      params=p.rgbd.interaction_pack,
                     ctx=g.ctx)
-    return Lessons(found, flow, packed)
+    return TrainingData(found, flow, packed)
 
 
-def moved(g: Graph, x: Lessons, p: Settings) -> dict[str, Any]:
-    """How right the motion is, FlowScores by the name under which the report wants them; empty where nobody knows."""
+def score_flows(g: Graph, x: TrainingData, p: Settings) -> dict[str, Any]:
+    """Errors of the scene flow, FlowScores by input of the report; empty without ground truth."""
     if x.found.truth is None:
         return {}
     plain   = g.named("difference_flow").add(scene_flow.run, clip=x.found.clip,
@@ -87,59 +87,59 @@ def moved(g: Graph, x: Lessons, p: Settings) -> dict[str, Any]:
     return {"flows": g.collect(score)}
 
 
-def before(g: Graph, origin: Origin, dataset: FileTree, p: Settings) -> Trained:
-    """The encoder of appearance, trained on actions: those of UTKinect where it is given, else those of the sequences."""
+def pretrain_encoder(g: Graph, origin: Origin, dataset: FileTree, p: Settings) -> Trained:
+    """Encoder of appearance, pre-trained on actions: those of UTKinect if given, else those of the sequences."""
     if origin.actions:
         clips   = g.add(action_read.run,    files=g.leaf("actions", origin.actions),                 params=p.rgbd.action_read)
         dataset = g.add(action_pack.run,    clips=clips,                             params=p.rgbd.action_pack, ctx=g.ctx)
     return g.add(sor3d_pretrain.run,        dataset=dataset,                         params=p.rgbd.sor3d_pretrain, ctx=g.ctx)
 
 
-def usual(p: Settings) -> tuple[Recipe, ...]:
-    """The one model that is trained where no row is asked for."""
+def default_recipes(p: Settings) -> tuple[Recipe, ...]:
+    """Recipe of the one model that is trained without an ablation."""
     row     = PRETRAINED if p.rgbd.sor3d_report.pretrained else p.rgbd.sor3d_train.row
     return recipes((row,), (p.rgbd.sor3d_train.seed,), p.rgbd.sor3d_train.variant)
 
 
-def kind(planned: tuple[Recipe, ...]) -> str:
-    """What stands before the names of stages of recipes of one kind."""
+def stage_prefix(planned: tuple[Recipe, ...]) -> str:
+    """Prefix of the stage names of recipes of one kind."""
     return "pretrained_" if row_label(planned[0]) == PRETRAINED else ""
 
 
-class Taught(NamedTuple):
-    """Handles of a training, and of the one before it, if there was one."""
+class Trainings(NamedTuple):
+    """Handles of a training and of its pre-training, if any."""
 
     model: Trained
     encoder: Trained | None
 
 
-def teach(g: Graph, origin: Origin, dataset: FileTree, planned: tuple[Recipe, ...], p: Settings) -> Taught:
-    """Recipes of one kind, trained, each in a shard of its own."""
-    of      = kind(planned)
-    encoder = before(g, origin, dataset, p) if of else None
+def train_model(g: Graph, origin: Origin, dataset: FileTree, planned: tuple[Recipe, ...], p: Settings) -> Trainings:
+    """Train recipes of one kind, each in a shard of its own."""
+    of      = stage_prefix(planned)
+    encoder = pretrain_encoder(g, origin, dataset, p) if of else None
     more    = {"encoder": g.pick(encoder, lambda t: t.files)} if encoder else {}
     recipe  = g.each(g.leaf(f"{of}recipes", planned))
     model   = g.named(f"{of}sor3d_train").add(sor3d_train.run, dataset=dataset, recipe=recipe,       params=p.rgbd.sor3d_train,
                                               ctx=g.ctx, **more, **weights(g, p, "sor3d_train"))
-    return Taught(model, encoder)
+    return Trainings(model, encoder)
 
 
-def examine(g: Graph, dataset: FileTree, trained: Trained, planned: tuple[Recipe, ...], p: Settings,
+def evaluate_model(g: Graph, dataset: FileTree, trained: Trained, planned: tuple[Recipe, ...], p: Settings,
             partial: bool = False) -> tuple[InteractionScores, ...]:  # fmt: skip
-    """What each of them gets right; `partial`: of those that are finished when a run with a limit ends."""
-    scores  = g.named(f"{kind(planned)}sor3d_evaluate").add(
+    """Scores of each model; `partial`: of those that are finished when a run with a limit ends."""
+    scores  = g.named(f"{stage_prefix(planned)}sor3d_evaluate").add(
                 sor3d_evaluate.run, dataset=dataset, model=g.pick(trained, lambda t: t.files), ctx=g.ctx,
                 params=p.rgbd.sor3d_evaluate)
     return g.collect(scores, partial)
 
 
 def sor3d(g: Graph, origin: Origin, p: Settings) -> None:
-    """where things afford what, from RGB-D video of people who use them: flow, training, examination; or from --source"""
-    x, planned = lessons(g, origin, p), usual(p)
-    trained, encoder = teach(g, origin, x.dataset, planned, p)
-    scores  = examine(g, x.dataset, trained, planned, p)
+    """Affordances from RGB-D video of people who use objects: scene flow, training, evaluation; or from --source."""
+    x, planned = training_data(g, origin, p), default_recipes(p)
+    trained, encoder = train_model(g, origin, x.dataset, planned, p)
+    scores  = evaluate_model(g, x.dataset, trained, planned, p)
     page    = g.add(sor3d_report.run, recipes=g.leaf("planned", planned), scores=scores,             params=p.rgbd.sor3d_report,
-                    ctx=g.ctx, **moved(g, x, p))
+                    ctx=g.ctx, **score_flows(g, x, p))
     files   = g.publish(g.pick(trained, lambda t: t.files), "models/{source}", as_="model")
     shown   = [record_training(g, "sor3d_train", trained, p.rgbd.sor3d_train),
                *([record_training(g, "sor3d_pretrain", encoder, p.rgbd.sor3d_pretrain)] if encoder else [])]
@@ -149,68 +149,67 @@ def sor3d(g: Graph, origin: Origin, p: Settings) -> None:
 
 
 def sor3d_ablation(g: Graph, origin: Origin, p: Settings) -> None:
-    """what each part of SOR3D-AFF's model is worth: rows of trainings over several seeds, or with --minutes what is finished by
-    then; go on at will
-    """
+    """Contribution of each part of SOR3D-AFF's model: rows over several seeds; with --minutes, the rows finished by then."""
     mine    = replace(p.rgbd.sor3d_report, ablation=True)
-    x       = lessons(g, origin, p)
+    x       = training_data(g, origin, p)
     seeds   = range(mine.first_seed, mine.first_seed + mine.seeds)
     planned = recipes(mine.rows, seeds, p.rgbd.sor3d_train.variant)
     q       = p.with_stages(sor3d_train=replace(p.rgbd.sor3d_train, steps=mine.steps or p.rgbd.sor3d_train.steps))
     kinds   = [tuple(one for one in planned if (row_label(one) == PRETRAINED) is late) for late in (False, True)]
-    scores  = [examine(g, x.dataset, teach(g, origin, x.dataset, some, q).model, some, q, True) for some in kinds if some]
+    scores  = [evaluate_model(g, x.dataset, train_model(g, origin, x.dataset, some, q).model, some, q, partial=True)
+               for some in kinds if some]  # fmt: skip
     more: dict[str, Any] = {"more": scores[1]} if scores[1:] else {}
     page    = g.add(sor3d_report.run, recipes=g.leaf("planned", planned), scores=scores[0], params=mine, ctx=g.ctx, **more,
-                    **moved(g, x, p))
+                    **score_flows(g, x, p))
     g.target("sor3d-ablation", reported(g, page), record_run(g, "sor3d_report", page))
 
 
 def interactions(g: Graph, origin: Origin, p: Settings) -> None:
-    """RGB-D sequences of people who use things, with the affordance of the last frame"""
+    """RGB-D sequences of people who use objects, with the affordance of the last frame."""
     found = sequences(g, origin, p)
     g.target("interactions", found.clip, *([] if found.truth is None else [found.truth]))
 
 
-class Told(NamedTuple):
+class PictureReports(NamedTuple):
     """Handles of the reports on one set of pictures."""
 
     ours: FileTree
     own_boxes: FileTree
-    """of the detector, which proposes boxes itself"""
+    """of the detector with its own box proposals"""
     true_boxes: FileTree
-    """of the detector, which is told the box"""
+    """of the detector with true boxes"""
 
 
 def pictures(g: Graph, files: FileTree, p: Settings) -> StaticSet:
-    """UMD or IIT-AFF, as `static_read.backend` says; no more of it than is asked about."""
+    """Pictures of UMD or IIT-AFF, as `static_read.backend` says; only those of the evaluated split."""
     wanted  = replace(p.rgbd.static_read, split=p.rgbd.static_read.split or p.rgbd.static_evaluate.split)
     return g.add(static_read.run, files=g.leaf("pictures", files),                                   params=wanted)
 
 
 def detector(g: Graph, dataset: FileTree, p: Settings) -> Trained:
-    """The detector, trained on the last frames of the same data set as the model of sequences."""
+    """Detector, trained on the last frames of the same data set as the model of sequences."""
     return g.add(boxes_train.run,           dataset=dataset,                                   params=p.rgbd.boxes_train, ctx=g.ctx)
 
 
-def told(g: Graph, samples: StaticSet | tuple[InteractionClip, ...], model: FileTree, boxes: FileTree,
-         p: Settings) -> Told:  # fmt: skip
-    """Both models on the same pictures: `pictures`, or collected clips, of which the last frames of one split are taken."""
+def evaluate_pictures(g: Graph, samples: StaticSet | tuple[InteractionClip, ...], model: FileTree, boxes: FileTree,
+         p: Settings) -> PictureReports:  # fmt: skip
+    """Evaluate both models on the same pictures: `pictures`, or the last frames of one split of collected clips."""
     models  = {"sor3d": model, "boxes": boxes}
-    return Told(*(g.named(name).add(
+    return PictureReports(*(g.named(name).add(
         static_evaluate.run, samples=samples, model=models[backend],
         params=replace(p.rgbd.static_evaluate, name=name, backend=backend, boxes=BoxesParams(true)), ctx=g.ctx)
         for name, (backend, true) in REPORTS.items()))  # fmt: skip
 
 
 def static_sets(g: Graph, origin: Origin, p: Settings) -> None:
-    """affordances of single pictures, by the model of `sor3d` and by a detector: of rendered interactions, UMD or IIT-AFF"""
-    x       = lessons(g, origin, p)
-    model   = g.pick(teach(g, origin, x.dataset, usual(p), p).model, lambda t: t.files)
+    """Affordances of single pictures, by the model of `sor3d` and by a detector: rendered interactions, UMD or IIT-AFF."""
+    x       = training_data(g, origin, p)
+    model   = g.pick(train_model(g, origin, x.dataset, default_recipes(p), p).model, lambda t: t.files)
     trained = detector(g, x.dataset, p)
     boxes   = g.pick(trained, lambda t: t.files)
     held    = p.with_stages(static_evaluate=replace(p.rgbd.static_evaluate, split=p.rgbd.static_evaluate.split or HELD))
-    found   = (told(g, pictures(g, origin.pictures, p), model, boxes, p) if origin.pictures else
-               told(g, g.collect(x.found.clip), model, boxes, held))  # fmt: skip
+    found   = (evaluate_pictures(g, pictures(g, origin.pictures, p), model, boxes, p) if origin.pictures else
+               evaluate_pictures(g, g.collect(x.found.clip), model, boxes, held))  # fmt: skip
     table   = g.add(static_report.run,      reports=tuple(found),   params=static_report.Params(origin.name), ctx=g.ctx)
     for name, report in zip((*REPORTS, "static_report"), (*found, table), strict=True):
         g.publish(report, f"reports/{{source}}/{name}", as_=name)

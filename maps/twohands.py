@@ -1,4 +1,4 @@
-"""From a data set to trained two-hand models, and how right they are."""
+"""Graphs of the two-hand models: training, benchmark and ablation."""
 
 from __future__ import annotations
 
@@ -27,13 +27,14 @@ ROWS: dict[str, dict[str, Any]] = {
     "hotspot": {"hypotheses": 1, "decoders": 1, "text": False},
     "extracted": {"data": "extracted"},
 }
-"""full: the small model; no_text: it is not told the task; clip: 2HAff-CLIP; k1: one region per hand, the paper's model; lisa: one
+"""full: the small model; no_text: without the task; clip: 2HAff-CLIP; k1: one region per hand, the paper's model; lisa: one
 decoder and whole objects; hotspot: one heat map, no text; extracted: labels that the extraction took from rendered videos"""
 
 
 def recipes(rows: Iterable[str], seeds: int) -> tuple[Recipe, ...]:
-    """Every row with seed 0, then every row with seed 1, ...: what is stopped early has something of each. ValueError for an
-    unknown row.
+    """Plan the trainings of the ablation: all rows with seed 0, then all rows with seed 1, and so on.
+
+    So an ablation that is stopped early has results of each row. ValueError for an unknown row.
     """
     unknown = sorted(set(rows) - ROWS.keys())
     if unknown or seeds < 1:
@@ -41,93 +42,92 @@ def recipes(rows: Iterable[str], seeds: int) -> tuple[Recipe, ...]:
     return tuple(Recipe(name=f"{row}-{seed}", row=row, seed=seed, **FULL | ROWS[row]) for seed in range(seeds) for row in rows)
 
 
-def lessons(g: Graph, origin: Origin, p: Settings) -> FileTree:
-    """What a model learns from: the data set or the videos that the user gives, else rendered stills."""
+def training_data(g: Graph, origin: Origin, p: Settings) -> FileTree:
+    """Training data: the data set or the videos of `--source`, else rendered stills."""
     if origin.dataset:
         return g.leaf("dataset", origin.dataset)
     return mined(g, origin, p) if origin.videos else stills_to_train(g, p)
 
 
-def learn(g: Graph, dataset: FileTree, p: Settings) -> Trained:
-    """A data set -> a trained two-hand model, with its curves."""
+def train_model(g: Graph, dataset: FileTree, p: Settings) -> Trained:
+    """Train a two-hand model on a data set."""
     started: dict[str, Any] = weights(g, p, "model_train")
     return g.add(model_train.run,           dataset=dataset,                    params=p.twohands.model_train, ctx=g.ctx, **started)
 
 
-def ask(g: Graph, cases: FileTree, model: FileTree, p: Settings) -> dict[str, FileTree]:
-    """What a trained model says of the cases, told the task, the task of another case, or none."""
+def predict_with_prompts(g: Graph, cases: FileTree, model: FileTree, p: Settings) -> dict[str, FileTree]:
+    """Predict the cases, prompted with their task, the task of another case, or none; predictions by name."""
     mine = p.twohands.predict_cases
     texts = (mine, replace(mine, name=f"{mine.name}_text_shuffled", text="shuffled"),
              replace(mine, name=f"{mine.name}_text_removed", text="removed"))
-    return {told.name: g.named(f"predict_{told.text}").add(predict_cases.run, cases=cases, model=model, params=told, ctx=g.ctx)
-            for told in texts}  # fmt: skip
+    return {one.name: g.named(f"predict_{one.text}").add(predict_cases.run, cases=cases, model=model, params=one, ctx=g.ctx)
+            for one in texts}  # fmt: skip
 
 
-def rule(g: Graph, cases: FileTree, dataset: FileTree, extracted: FileTree | None, p: Settings) -> dict[str, FileTree]:
-    """What the baselines say of the cases; `extracted` is a data set of the benchmark's own videos, where there is one."""
+def predict_baselines(g: Graph, cases: FileTree, dataset: FileTree, extracted: FileTree | None, p: Settings) -> dict[str, FileTree]:
+    """Predict the cases with the baselines; `extracted` is a data set of the benchmark's own videos, if there is one."""
     none = g.leaf("no_dataset", FileTree("none", ()))
-    seen = {"whole_object": none, "object_box": none, "centre": none, "class_mean": dataset}
-    seen |= {"extraction": g.leaf("extracted", extracted)} if extracted else {}
-    return {name: g.named(f"baseline_{name}").add(baseline_cases.run, cases=cases, dataset=data, ctx=g.ctx,
+    data = {"whole_object": none, "object_box": none, "centre": none, "class_mean": dataset}
+    data |= {"extraction": g.leaf("extracted", extracted)} if extracted else {}
+    return {name: g.named(f"baseline_{name}").add(baseline_cases.run, cases=cases, dataset=given, ctx=g.ctx,
                                                   params=replace(p.twohands.baseline_cases, backend=name))
-            for name, data in seen.items()}  # fmt: skip
+            for name, given in data.items()}  # fmt: skip
 
 
-def compare(g: Graph, cases: FileTree, dataset: FileTree, model: FileTree, origin: Origin, p: Settings) -> FileTree:
-    """A trained model, the baselines and the predictions of others on the same cases -> the report."""
+def benchmark_report(g: Graph, cases: FileTree, dataset: FileTree, model: FileTree, origin: Origin, p: Settings) -> FileTree:
+    """Score a trained model, the baselines and the predictions of other methods on the same cases, and report them."""
     extracted = next((tree for tree in origin.predictions if tree.find("manifest.json")), None)
     masks = g.leaf("predictions", tuple(tree for tree in origin.predictions if tree is not extracted))
-    said = ask(g, cases, model, p) | rule(g, cases, dataset, extracted, p)
+    predicted = predict_with_prompts(g, cases, model, p) | predict_baselines(g, cases, dataset, extracted, p)
     scores = [g.named(f"score_{name}").add(score_cases.run, cases=cases, predictions=tree, params=p.twohands.score_cases)
-              for name, tree in said.items()]  # fmt: skip
-    swapped = g.named("score_swapped").add(score_cases.run, cases=cases, predictions=said[p.twohands.predict_cases.name],
+              for name, tree in predicted.items()]  # fmt: skip
+    swapped = g.named("score_swapped").add(score_cases.run, cases=cases, predictions=predicted[p.twohands.predict_cases.name],
                                            params=replace(p.twohands.score_cases, swap=True))  # fmt: skip
     others = g.named("score_others").add(score_cases.run, cases=cases, predictions=g.each(masks), params=p.twohands.score_cases)
     report = g.add(benchmark.run, scores=(*scores, swapped), others=g.collect(others),
                    params=replace(p.twohands.benchmark, predictions=()), ctx=g.ctx)  # fmt: skip
-    g.cost("ms_per_image", [said[p.twohands.predict_cases.name]], (report, "cases"), scale=1000)
+    g.cost("ms_per_image", [predicted[p.twohands.predict_cases.name]], (report, "cases"), scale=1000)
     return report
 
 
 def train(g: Graph, origin: Origin, p: Settings) -> None:
-    """a two-hand affordance model, from rendered stills or from --source: a data set, or videos"""
-    trained = learn(g, lessons(g, origin, p), p)
+    """Train a two-hand affordance model on rendered stills, or on a data set or videos of --source."""
+    trained = train_model(g, training_data(g, origin, p), p)
     files   = g.publish(g.pick(trained, lambda t: t.files), "models/{source}", as_="model")
     g.target("train", files, record_training(g, "model_train", trained, p.twohands.model_train))
 
 
 def measure(g: Graph, origin: Origin, p: Settings) -> None:
-    """the trained model, baselines and predictions of others on held-out stills, or on the cases of --source"""
+    """Score the trained model, baselines and other methods on held-out stills, or on the cases of --source."""
     dataset = stills_to_train(g, p)
     cases   = g.leaf("cases", origin.cases) if origin.cases else stills_to_measure(g, p)
-    model   = g.pick(learn(g, dataset, p), lambda t: t.files)
-    report  = compare(g, cases, dataset, model, origin, p)
+    model   = g.pick(train_model(g, dataset, p), lambda t: t.files)
+    report  = benchmark_report(g, cases, dataset, model, origin, p)
     g.target("benchmark", reported(g, report), record_run(g, "benchmark", report))
 
 
 def ablate(g: Graph, origin: Origin, p: Settings) -> None:
-    """what each part of the model is worth: rows of trainings over several seeds, on held-out stills; with --minutes, what is
-    finished by then
-    """
+    """Ablate parts of the model: several trainings of each row, scored on held-out stills; with --minutes, those that finish."""
     planned = recipes(p.twohands.ablation_report.rows, p.twohands.ablation_report.seeds)
     cases   = stills_to_measure(g, p)
     by_data = {name: tuple(recipe for recipe in planned if recipe.data == name) for name in ("stills", "extracted")}
-    learned = {"stills": stills_to_train, "extracted": lambda g, p: mined(g, origin, p)}
-    scores  = [retrain(g, cases, learned[name](g, p), mine, p) for name, mine in by_data.items() if mine]
+    data_of = {"stills": stills_to_train, "extracted": lambda g, p: mined(g, origin, p)}
+    scores  = [train_and_score(g, cases, data_of[name](g, p), mine, p) for name, mine in by_data.items() if mine]
     others  = {"others": scores[1]} if scores[1:] else {}
     report  = g.add(ablation_report.run, recipes=g.leaf("planned", planned), scores=scores[0], ctx=g.ctx,
                     params=p.twohands.ablation_report, **others)
     g.target("ablation", reported(g, report), record_run(g, "ablation_report", report))
 
 
-def retrain(g: Graph, cases: FileTree, dataset: FileTree, planned: tuple[Recipe, ...], p: Settings) -> tuple[MethodScores, ...]:
-    """Every recipe trained on one data set, asked about the cases and scored."""
+def train_and_score(g: Graph, cases: FileTree, dataset: FileTree, planned: tuple[Recipe, ...],
+                    p: Settings) -> tuple[MethodScores, ...]:  # fmt: skip
+    """Train all recipes on one data set, predict the cases and score the predictions."""
     of      = "" if planned[0].data == "stills" else f"{planned[0].data}_"
     steps   = p.twohands.ablation_report.steps or p.twohands.model_train.steps
     recipe  = g.each(g.leaf(f"{of}recipes", planned))
     trained = g.named(f"{of}model_train").add(model_train.run, dataset=dataset, recipe=recipe, ctx=g.ctx,
                                               params=replace(p.twohands.model_train, steps=steps), **weights(g, p, "model_train"))
-    said    = g.named(f"{of}predict_cases").add(predict_cases.run, cases=cases, model=g.pick(trained, lambda t: t.files),
+    predicted    = g.named(f"{of}predict_cases").add(predict_cases.run, cases=cases, model=g.pick(trained, lambda t: t.files),
                                                 params=replace(p.twohands.predict_cases, name=""), ctx=g.ctx)
-    scores  = g.named(f"{of}score_cases").add(score_cases.run, cases=cases, predictions=said, params=p.twohands.score_cases)
+    scores  = g.named(f"{of}score_cases").add(score_cases.run, cases=cases, predictions=predicted, params=p.twohands.score_cases)
     return g.collect(scores, partial=True)

@@ -134,7 +134,7 @@ class Walk:
         """Propagate known outcomes until nothing more follows."""
         while self._queue:
             at, path = self._queue.popleft()
-            for user in self._users[at]:
+            for user in self._users[at] if (at, path) in self.outcome else ():  # it may have been withdrawn since
                 self._notify(user, path)
 
     def check_shards(self) -> None:

@@ -105,7 +105,7 @@ def check_no_key(url: str, variable: str) -> None:
 
 
 def _is_address(url: str) -> bool:
-    """Whether an address has the scheme http(s), a host, and no port out of range."""
+    """Check that an address has the scheme http(s), a host, and no port out of range."""
     try:
         parts = urlsplit(url)
         return parts.scheme in ("http", "https") and bool(parts.hostname) and parts.port != 0

@@ -107,7 +107,7 @@ def refuse_key_in(text: str, variable: str, url: str) -> str:
 
 
 def is_here(url: str) -> bool:
-    """Whether the server of an address is on this machine."""
+    """Check that the server of an address is on this machine."""
     return urlsplit(url).hostname in THIS_MACHINE
 
 

@@ -1,4 +1,8 @@
-"""Weights into a model, tensor by tensor, or one sentence that says which do not fit."""
+"""Load weights into models: every tensor must be present and fit, and nothing is downloaded.
+
+Models are those of `transformers`, or small ones of our own with a config.json. A small model is built on torch's device `meta`,
+without memory, until every tensor fits, so that a config with wrong sizes costs nothing.
+"""
 
 from __future__ import annotations
 
@@ -19,16 +23,16 @@ from afford.common.bounded import reason
 from afford.models.weights import file_stamps
 
 NAMED = 8
-"""tensors that the sentence names before it only counts"""
+"""tensors that an error names; further ones are counted"""
 LONGEST = 360
-"""characters that their names and shapes may take"""
+"""characters of their names and shapes in an error"""
 
 
 def fill_weights(model: nn.Module, tensors: Mapping[str, Tensor], where: str, hint: str) -> None:
-    """Put every tensor into the one of its name. The model may be on the meta device: it then gets memory of its own.
+    """Copy tensors into a model by name. The model may be on the meta device.
 
-    Buffers that only count batches may be missing. ValueError, one sentence: how many tensors are missing, extra or of another
-    shape, the first of them by name, and `hint`.
+    Buffers that count batches may be missing. ValueError, one sentence: the number of tensors that are missing, extra or misshaped,
+    the names of the first of them, and `hint`.
     """
     own = model.state_dict()
     counters = {name: torch.zeros((), dtype=torch.int64) for name in own if name.endswith(".num_batches_tracked")}
@@ -54,12 +58,13 @@ def _wrong(name: str, own: Tensor | None, given: Tensor | None) -> str:
 C = TypeVar("C")
 M = TypeVar("M", bound=nn.Module)
 MAX_SIZE, MAX_SIZES = 1 << 16, 64
-"""the widest layer, and the longest list of them"""
+"""limits of a size in a config, and of the length of a list of sizes"""
 
 
 def read_config(path: Path, kind: type[C], form: str, where: str, hint: str) -> C:
-    """The dataclass `kind` that a file of the format `form` describes; lists become tuples. ValueError names `where` and what is
-    wrong: no JSON, another format, other fields, a field that is no whole number of 1 to MAX_SIZE or a short list of them.
+    """Read the dataclass `kind` from a JSON file of the format `form`; lists become tuples.
+
+    Fields are whole numbers of 1 to MAX_SIZE, or short lists of them. ValueError names `where` and the fault.
     """
     try:
         fields = json.loads(path.read_text(encoding="utf-8"))
@@ -76,13 +81,13 @@ def read_config(path: Path, kind: type[C], form: str, where: str, hint: str) -> 
 
 
 def fill_from_file(model: M, weights: Path, where: str) -> M:
-    """Put the weights of a file into a model on the device `meta`. ValueError names `where` and the tensors that do not fit."""
-    said = "expected the weights that config.json describes"
+    """Load a safetensors file into a model on the device `meta`. ValueError names `where` and the tensors that do not fit."""
+    wanted = "expected the weights that config.json describes"
     try:
         found = load_file(weights)
     except (OSError, SafetensorError) as error:
-        raise ValueError(f"{where}: {said}; {reason(error)}") from error
-    fill_weights(model, found, where, said)
+        raise ValueError(f"{where}: {wanted}; {reason(error)}") from error
+    fill_weights(model, found, where, wanted)
     return model
 
 
@@ -93,27 +98,27 @@ def _is_size(value: Any) -> bool:
 
 DTYPES = {"float32": torch.float32, "bfloat16": torch.bfloat16, "float16": torch.float16}
 SHOWN = 8
-"""tensors that are named when they do not fit"""
+"""tensors that an error of `check_loading` names"""
 ERRORS = (OSError, ValueError, RuntimeError, TypeError, KeyError, SafetensorError)
-"""what `from_pretrained` raises for files that are missing, cut short or of something else"""
+"""exceptions of `from_pretrained` for files that are missing, damaged or of another kind"""
 
 
-def pretrained(kind: Any, name: str, backend: str, device: str, dtype: str) -> Any:
-    """A model of the class `kind` from a local folder, for inference on `device` in `dtype`; the last one is kept in memory.
+def load_pretrained(kind: Any, name: str, backend: str, device: str, dtype: str) -> Any:
+    """Load a model of the class `kind` from a local folder, for inference on `device` in `dtype`; the last one stays in memory.
 
-    ValueError in one sentence: no name, no such folder, another model, a tensor that is missing, left over or misshapen.
+    ValueError, one sentence: no name, no such folder, another model, or tensors that are missing, extra or misshaped.
     """
-    return kept(read_pretrained, kind, name, backend, device, dtype)
+    return load_cached(read_pretrained, kind, name, backend, device, dtype)
 
 
-def kept(reader: Callable[[Any, Path], Any], kind: Any, name: str, backend: str, device: str, dtype: str) -> Any:
-    """As `pretrained`, with a reader of one's own: (class, folder or file) -> model on the CPU."""
+def load_cached(reader: Callable[[Any, Path], Any], kind: Any, name: str, backend: str, device: str, dtype: str) -> Any:
+    """Load a model as `load_pretrained`, with another reader: (class, folder or file) -> model on the CPU."""
     where = local_path(name, backend, kind.__name__)
-    return _kept(reader, kind, where, file_stamps(where), device_of(device), dtype_of(dtype))
+    return _load_cached(reader, kind, where, file_stamps(where), device_of(device), dtype_of(dtype))
 
 
 def local_path(name: str, backend: str, what: str) -> Path:
-    """The folder or file that a stage was given. ValueError when it is not there."""
+    """Path of the folder or file of a model. ValueError when it does not exist."""
     if not name:
         raise ValueError(f"backend {backend!r} needs a model: set `model` to a local folder or a hub id of a {what}")
     if not Path(name).exists():
@@ -123,13 +128,13 @@ def local_path(name: str, backend: str, what: str) -> Path:
 
 
 @lru_cache(maxsize=1)
-def _kept(reader: Callable[[Any, Path], Any], kind: Any, where: Path, stamped: Any, device: torch.device,
+def _load_cached(reader: Callable[[Any, Path], Any], kind: Any, where: Path, stamped: Any, device: torch.device,
           dtype: torch.dtype) -> Any:  # fmt: skip
     return reader(kind, where).to(device=device, dtype=dtype).eval()
 
 
 def read_pretrained(kind: Any, where: Path) -> Any:
-    """A model of the class `kind` on the CPU, in float32. ValueError names what does not fit."""
+    """Read a model of the class `kind` on the CPU, in float32. ValueError names what does not fit."""
     _of_kind(kind, where)
     try:
         model, report = kind.from_pretrained(where, output_loading_info=True, local_files_only=True, use_safetensors=True,
@@ -141,37 +146,37 @@ def read_pretrained(kind: Any, where: Path) -> Any:
 
 
 def _of_kind(kind: Any, where: Path) -> None:
-    """ValueError when the config is not one of this kind of model; nothing is built from it to find that out."""
+    """Raise ValueError when the config is of another kind of model, before anything is built from it."""
     wanted = kind.config_class.model_type
     try:
         config = json.loads((where / "config.json").read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        said = f"model {str(where)!r}: expected config.json of a {kind.__name__} in this folder; {first_line(error)}"
-        raise ValueError(said) from error
+        wanted = f"model {str(where)!r}: expected config.json of a {kind.__name__} in this folder; {first_line(error)}"
+        raise ValueError(wanted) from error
     got = config.get("model_type") if isinstance(config, dict) else type(config).__name__
     if got != wanted:
         raise ValueError(f"model {str(where)!r}: expected the weights of a {kind.__name__} (model_type {wanted}), got {got}")
 
 
 def check_loading(report: dict[str, Any], what: str, where: str) -> None:
-    """ValueError that names tensors which are missing, misshapen or left over."""
-    for key, said in (("missing_keys", "lack"), ("mismatched_keys", "have other shapes in"), ("unexpected_keys", "have besides")):
+    """Raise ValueError that names the tensors which a loading report lists as missing, misshaped or extra."""
+    for key, verb in (("missing_keys", "lack"), ("mismatched_keys", "have other shapes in"), ("unexpected_keys", "have besides")):
         names = sorted(str(name[0] if isinstance(name, tuple) else name) for name in report[key])
         if names:
             more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
-            raise ValueError(f"model {where!r}: expected the weights of a {what}, these {said} {', '.join(names[:SHOWN])}{more}; "
+            raise ValueError(f"model {where!r}: expected the weights of a {what}, these {verb} {', '.join(names[:SHOWN])}{more}; "
                              "it is another model, or its files are not whole")
 
 
 def first_line(error: BaseException) -> str:
-    """The first line of what an error says that is not empty."""
+    """First line of an error message that is not empty."""
     return next((line.strip() for line in str(error).splitlines() if line.strip()), type(error).__name__)
 
 
 def device_of(name: str) -> torch.device:
-    """cpu, cuda or cuda:N; ValueError when it is not here."""
+    """Device of a name: cpu, cuda or cuda:N. ValueError for a device that this machine lacks."""
     if name.partition(":")[0] == "cuda" and not torch.cuda.is_available():
-        raise ValueError(f"device {name!r}: expected a CUDA GPU, got none on this machine; set device to cpu")
+        raise ValueError(f"device {name!r}: this machine has no CUDA GPU; set device to cpu")
     try:
         return torch.device(name)
     except RuntimeError as error:
@@ -179,7 +184,7 @@ def device_of(name: str) -> torch.device:
 
 
 def dtype_of(name: str) -> torch.dtype:
-    """One of DTYPES; ValueError for another name."""
+    """Type of a name in DTYPES. ValueError for another name."""
     if name not in DTYPES:
         raise ValueError(f"dtype {name!r}: expected one of {', '.join(DTYPES)}")
     return DTYPES[name]
@@ -187,10 +192,10 @@ def dtype_of(name: str) -> torch.dtype:
 
 @contextmanager
 def one_thread(device: str) -> Iterator[None]:
-    """One intra-op thread of torch on a CPU, afterwards as many as before; nothing on another device.
+    """Context with one intra-op thread of torch on a CPU; no effect for other devices.
 
-    Small models gain little from a second thread and lose much where another process has its core; with one thread the result is
-    also the same on every number of cores. The number belongs to the calling thread: other threads keep theirs.
+    Small models gain little from a second thread, and lose much when another process uses its core. With one thread the result does
+    not depend on the number of cores. The setting is that of the calling thread; other threads keep theirs.
     """
     before = torch.get_num_threads()
     if torch.device(device).type != "cpu" or before == 1:

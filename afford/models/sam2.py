@@ -1,6 +1,8 @@
-"""Published checkpoints of SAM 2 and 2.1 (`sam2*_hiera_*.pt`): their four sizes, and the names of their tensors in `transformers`.
+"""SAM 2 and 2.1 for video (Ravi et al. 2024), through `transformers.Sam2VideoModel`: mask prompts in, masks of every frame out.
 
-Read are tensors only. Every tensor must find its place: what is missing, left over or misshapen is named, one by one.
+Published checkpoints (`sam2*_hiera_*.pt`) are loaded tensor by tensor, by their names in `transformers`. The class's own processor
+needs a package that does not work beside the pinned torch, so frames are resized and normalised here, on request. Memory is
+bounded: frames that the model no longer attends to are cleared, and features are kept for a fixed number of frames.
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ from transformers import Sam2HieraDetConfig, Sam2VideoConfig, Sam2VideoModel, Sa
 from transformers.models.sam2_video.modeling_sam2_video import Sam2VideoInferenceSession
 
 from afford.models import tensor_files
-from afford.models.loading import fill_weights, kept, read_pretrained
+from afford.models.loading import fill_weights, load_cached, read_pretrained
 
 SIZES: dict[str, dict[str, Any]] = {
     "tiny": {"hidden_size": 96, "blocks_per_stage": [1, 2, 7, 2], "global_attention_blocks": [5, 7, 9],
@@ -32,9 +34,9 @@ SIZES: dict[str, dict[str, Any]] = {
 }
 """Hiera of each size (Ravi et al. 2024, appendix): width of the first stage, which doubles with every stage, and blocks"""
 TOP = "model."
-"""what the names of a published file begin with"""
+"""prefix of the names in a published file"""
 POINTS = 4
-"""kinds of points that can prompt; one tensor there, rows of one here"""
+"""kinds of point prompts; a tensor for each in the published file, rows of one tensor in `transformers`"""
 FREQUENCIES = "prompt_encoder.shared_embedding.positional_embedding"
 COPY = "shared_image_embedding.positional_embedding"
 
@@ -82,18 +84,18 @@ DOWNSAMPLER = re.compile(r"^(memory_encoder\.mask_downsampler)\.encoder\.(\d+)\.
 
 
 def our_name(name: str) -> str:
-    """What a published tensor is called in `transformers`."""
+    """Name in `transformers` of a published tensor."""
     for pattern, replacement in RENAMED:
         name = re.sub(pattern, replacement, name)
     found = DOWNSAMPLER.match(name)
-    if found:  # a convolution, its norm and an activation without weights, again and again
+    if found:  # repeated: a convolution, its norm, and an activation without weights
         layer, part = divmod(int(found[2]), 3)
         name = f"{found[1]}.layers.{layer}.{('conv', 'layer_norm', 'activation')[part]}.{found[3]}"
     return name
 
 
 def our_state_dict(published: Mapping[str, Tensor]) -> dict[str, Tensor]:
-    """A published state dict under our names: rows of points together, frequencies of positions twice."""
+    """Rename a published state dict: rows of points are stacked, frequencies of positions copied."""
     out = {our_name(name): tensor for name, tensor in published.items()}
     rows = [out.pop(f"prompt_encoder.point_embeddings.{i}.weight", None) for i in range(POINTS)]
     there = [row for row in rows if row is not None]
@@ -105,7 +107,7 @@ def our_state_dict(published: Mapping[str, Tensor]) -> dict[str, Tensor]:
 
 
 def published_config(size: str, *, version: str = "2.1") -> Sam2VideoConfig:
-    """The architecture of a published size; 2.0 has no places in time for pointers and no sign of what is hidden."""
+    """Architecture of a published size; version 2.0 lacks temporal positions of pointers and the occlusion embedding."""
     hiera = SIZES[size]
     widths = [hiera["hidden_size"] * 2**stage for stage in range(4)]
     vision = Sam2VisionConfig(backbone_config=Sam2HieraDetConfig(embed_dim_per_stage=widths, **hiera),
@@ -116,7 +118,7 @@ def published_config(size: str, *, version: str = "2.1") -> Sam2VideoConfig:
 
 
 def published_size(published: Mapping[str, Tensor], where: str) -> str:
-    """Which size a state dict is of, by the width and number of its blocks. ValueError when it is none."""
+    """Published size of a state dict, by the width and number of its blocks. ValueError for another architecture."""
     first = published.get("image_encoder.trunk.patch_embed.proj.weight")
     numbers = {int(found[1]) for name in published if (found := re.match(r"image_encoder\.trunk\.blocks\.(\d+)\.", name))}
     got = (0 if first is None else len(first), len(numbers))
@@ -128,7 +130,7 @@ def published_size(published: Mapping[str, Tensor], where: str) -> str:
 
 
 def read_published(path: Path) -> Sam2VideoModel:
-    """The model of a published checkpoint. ValueError names every tensor that is missing, left over or misshapen."""
+    """Load a published checkpoint. ValueError names tensors that are missing, extra or misshaped."""
     published = published_tensors(path)
     version = "2.1" if "no_obj_embed_spatial" in published else "2.0"
     config = published_config(published_size(published, str(path)), version=version)
@@ -136,13 +138,13 @@ def read_published(path: Path) -> Sam2VideoModel:
 
 
 def fill_published(model: Sam2VideoModel, published: Mapping[str, Tensor], where: str) -> Sam2VideoModel:
-    """A model with published weights in it; ValueError when one does not fit."""
+    """Fill a model with published weights. ValueError when a tensor does not fit."""
     fill_weights(model, our_state_dict(published), where, "give a published SAM 2 or 2.1")
     return model
 
 
 def published_tensors(path: Path) -> dict[str, Tensor]:
-    """Name -> tensor of a published file, {"model": {name: tensor}}; nothing but tensors is read. ValueError when it is none."""
+    """Read the tensors of a published file, {"model": {name: tensor}}. ValueError for another structure."""
     found = tensor_files.read_tensors(path)
     if foreign := [name for name in found if not name.startswith(TOP)]:
         raise ValueError(f'{path}: expected {{"model": {{name: tensor}}}} as SAM 2 is published, got {", ".join(foreign[:4])}')
@@ -153,8 +155,8 @@ MEAN = (0.485, 0.456, 0.406)
 DEVIATION = (0.229, 0.224, 0.225)
 
 
-class Seen(NamedTuple):
-    """What the model finds in one frame."""
+class FrameMasks(NamedTuple):
+    """Masks of one frame."""
 
     at: int
     logits: torch.Tensor
@@ -162,11 +164,11 @@ class Seen(NamedTuple):
 
 
 def load_model(name: str, device: str = "cpu", dtype: str = "float32") -> Sam2VideoModel:
-    """A model from a folder that `save_pretrained` wrote or from a published file `sam2*_hiera_*.pt`, for inference.
+    """Load a model for inference from a folder of `save_pretrained` or a published file `sam2*_hiera_*.pt`.
 
-    ValueError in one sentence: nothing there, another model, a tensor that is missing, left over or misshapen.
+    ValueError, one sentence: no such file, another model, or tensors that are missing, extra or misshaped.
     """
-    model: Sam2VideoModel = kept(_read_any, Sam2VideoModel, name, "sam2", device, dtype)
+    model: Sam2VideoModel = load_cached(_read_any, Sam2VideoModel, name, "sam2", device, dtype)
     return model
 
 
@@ -175,23 +177,23 @@ def _read_any(kind: Any, where: Path) -> Any:
 
 
 def track(model: Sam2VideoModel, rgb: np.ndarray, prompts: Mapping[int, np.ndarray]) -> np.ndarray:
-    """Follow n objects through a short video, forwards from the first prompt and then backwards.
+    """Track n objects through a short video, forwards from the first prompt and then backwards.
 
-    rgb: (t, h, w, 3) uint8. prompts: frame position -> (n, h, w) bool masks of all n objects (an empty mask says that the
-    object is out of sight). Returns (n, t, h, w) float32 mask logits; positive inside.
+    rgb: (t, h, w, 3) uint8. prompts: frame position -> (n, h, w) bool masks of all n objects (an empty mask for an
+    object out of sight). Returns (n, t, h, w) float32 mask logits; positive inside.
     """
     first, size = min(prompts), rgb.shape[1:3]
     count = next(iter(prompts.values())).shape[0]
     logits = np.full((count, len(rgb), *size), -10.0, np.float32)
     for order in (range(first, len(rgb)), range(first, -1, -1) if first else range(0)):
-        for seen in follow(model, rgb, prompts, order):
+        for seen in track_frames(model, rgb, prompts, order):
             logits[:, seen.at] = full_size(seen.logits, size)
     return logits
 
 
 @torch.inference_mode()
 def session(model: Sam2VideoModel, rgb: np.ndarray, prompts: Mapping[int, np.ndarray], cache: int = 1) -> Sam2VideoInferenceSession:
-    """A video whose prompts the model has remembered. `cache`: frames whose image features are kept."""
+    """Start an inference session of a video with its prompts in memory. `cache`: number of frames whose features are kept."""
     size = int(model.config.image_size)
     made = Sam2VideoInferenceSession(
         video_height=rgb.shape[1], video_width=rgb.shape[2], inference_device=model.device, inference_state_device=model.device,
@@ -203,10 +205,11 @@ def session(model: Sam2VideoModel, rgb: np.ndarray, prompts: Mapping[int, np.nda
     return made
 
 
-def follow(model: Sam2VideoModel, rgb: np.ndarray, prompts: Mapping[int, np.ndarray], order: Iterable[int], *,
-           within: Sam2VideoInferenceSession | None = None) -> Iterator[Seen]:  # fmt: skip
-    """The frames of `order`, ascending or descending, one after the other, each with the memory of those before it and of all
-    prompts. `within` is a `session` of the same video and prompts, which forgets all but the prompts.
+def track_frames(model: Sam2VideoModel, rgb: np.ndarray, prompts: Mapping[int, np.ndarray], order: Iterable[int], *,
+           within: Sam2VideoInferenceSession | None = None) -> Iterator[FrameMasks]:  # fmt: skip
+    """Propagate the prompts through the frames of `order`, ascending or descending; yields the masks of each frame.
+
+    `within` is a `session` of the same video and prompts; its memory of other frames is cleared.
     """
     made = within or session(model, rgb, prompts)
     positions = list(order)
@@ -217,16 +220,16 @@ def follow(model: Sam2VideoModel, rgb: np.ndarray, prompts: Mapping[int, np.ndar
         with torch.inference_mode():
             out = model(made, frame_idx=position, reverse=reverse)
         _forget(made, set(range(position - far, position + far + 1)))
-        yield Seen(position, out.pred_masks[:, 0].float().cpu())
+        yield FrameMasks(position, out.pred_masks[:, 0].float().cpu())
 
 
 def full_size(logits: torch.Tensor, size: tuple[int, ...]) -> np.ndarray:
-    """(n, h', w') logits -> (n, h, w) float32."""
+    """Resize logits (n, h', w') to (n, h, w) float32."""
     return interpolate(logits[:, None], size, mode="bilinear", align_corners=False)[:, 0].numpy()
 
 
 def _forget(made: Sam2VideoInferenceSession, keep: set[int]) -> None:
-    """Drop what was found in other frames than `keep`; prompts stay."""
+    """Clear the memory of other frames than `keep`; prompts are kept."""
     for outputs in made.output_dict_per_obj.values():
         found = outputs["non_cond_frame_outputs"]
         for position in [at for at in found if at not in keep]:
@@ -234,7 +237,7 @@ def _forget(made: Sam2VideoInferenceSession, keep: set[int]) -> None:
 
 
 def _prompt(model: Sam2VideoModel, made: Sam2VideoInferenceSession, position: int, masks: np.ndarray, size: int) -> None:
-    """Tell the session the masks of all objects in one frame, and let it remember them."""
+    """Add the masks of all objects in one frame to the memory of the session."""
     scaled = interpolate(torch.from_numpy(np.array(masks)).float()[:, None], (size, size), mode="bilinear", antialias=True)
     for entity in range(len(masks)):
         index = made.obj_id_to_idx(entity)
@@ -245,7 +248,7 @@ def _prompt(model: Sam2VideoModel, made: Sam2VideoInferenceSession, position: in
 
 
 class _Frames(dict[int, torch.Tensor]):
-    """The frames of a video as the model wants them, each made when it is asked for."""
+    """Frames of a video as model inputs, computed on request."""
 
     def __init__(self, rgb: np.ndarray, size: int, device: torch.device, dtype: torch.dtype) -> None:
         super().__init__()
@@ -256,7 +259,7 @@ class _Frames(dict[int, torch.Tensor]):
         return len(self._rgb)
 
     def __getitem__(self, at: int) -> torch.Tensor:
-        """(3, size, size), ImageNet-normalised; the aspect ratio is not kept, as published."""
+        """Frame (3, size, size), normalised by ImageNet's mean and deviation; the aspect ratio is not kept, as published."""
         image = torch.from_numpy(np.array(self._rgb[at])).to(self._device).permute(2, 0, 1)[None].float() / 255
         image = interpolate(image, (self._size, self._size), mode="bilinear", align_corners=False, antialias=True)[0]
         return ((image - self._mean) / self._deviation).to(self._dtype)

@@ -1,8 +1,7 @@
-"""What Segment Anything 3 (Carion et al. 2025) sees of a thing that is named in words, through `transformers.Sam3Model`.
+"""Segment Anything 3 (Carion et al. 2025) prompted with phrases, through `transformers.Sam3Model`.
 
-The published files are those of the video model, whose detector is taken; the class's own processor needs a package that does not
-work beside the pinned torch, so that pictures are scaled and normalised here as it does: stretched to a square, mean and
-deviation 0.5.
+The published files are those of the video model, of which only the detector is loaded. Its own processor needs a package that does
+not work beside the pinned torch, so pictures are scaled and normalised here: stretched to a square, mean and deviation 0.5.
 """
 
 from __future__ import annotations
@@ -19,33 +18,33 @@ from torch import Tensor
 from torch.nn.functional import interpolate
 from transformers import Sam3Model
 
-from afford.models.loading import ERRORS, check_loading, first_line, kept, local_path
-from afford.models.tokens import Tokens, read_tokens, text_batch
+from afford.models.loading import ERRORS, check_loading, first_line, load_cached, local_path
+from afford.models.tokens import Tokens, read_tokens, tokenize_batch
 
 KINDS = ("sam3", "sam3_video")
 LEFT_OUT = "tracker_"
-"""with which the names of tensors begin that only the video model has"""
+"""prefix of the tensors of the video tracker, which are not loaded"""
 
 
 @dataclass(frozen=True)
 class Concepts:
-    """The model and the tokenizer beside it."""
+    """Model and tokenizer."""
 
     model: Sam3Model
     tokens: Tokens
 
 
 def load_model(name: str, device: str = "cpu", dtype: str = "float32") -> Concepts:
-    """A model from a local folder, for inference; ValueError in one sentence when it is not there or is another one."""
-    model: Sam3Model = kept(_read, Sam3Model, name, "sam3", device, dtype)
+    """Load a model from a local folder, for inference. ValueError, one sentence, for no model or another kind of model."""
+    model: Sam3Model = load_cached(_read, Sam3Model, name, "sam3", device, dtype)
     return Concepts(model, read_tokens(local_path(name, "sam3", "Sam3Model") / "tokenizer.json"))
 
 
 def _read(kind: Any, where: Path) -> Sam3Model:
     try:
-        said = json.loads((where / "config.json").read_text(encoding="utf-8")).get("model_type")
-        if said not in KINDS:
-            raise ValueError(f"config.json says {said!r}")
+        kind_found = json.loads((where / "config.json").read_text(encoding="utf-8")).get("model_type")
+        if kind_found not in KINDS:
+            raise ValueError(f"config.json has model_type {kind_found!r}")
         model, report = kind.from_pretrained(where, output_loading_info=True, local_files_only=True, use_safetensors=True,
                                              dtype=torch.float32)  # fmt: skip
     except (*ERRORS, AttributeError) as error:
@@ -56,14 +55,14 @@ def _read(kind: Any, where: Path) -> Sam3Model:
 
 
 @torch.inference_mode()
-def see(found: Concepts, rgb: np.ndarray, phrases: Sequence[str], threshold: float) -> np.ndarray:
-    """(p, n, h, w) float32: how likely each pixel of pictures (n, h, w, 3) uint8 shows what each of the phrases names.
+def concept_probabilities(found: Concepts, rgb: np.ndarray, phrases: Sequence[str], threshold: float) -> np.ndarray:
+    """Probability (p, n, h, w) float32 that a pixel of pictures (n, h, w, 3) uint8 shows the concept of each of p phrases.
 
-    threshold: least score of an instance that counts.
+    threshold: least score of an instance.
     """
     model, size = found.model, rgb.shape[1:3]
     seen = model.get_vision_features(_squares(model, rgb))
-    ids, keep = (part.to(model.device) for part in text_batch(found.tokens, model.config.text_config, phrases))
+    ids, keep = (part.to(model.device) for part in tokenize_batch(found.tokens, model.config.text_config, phrases))
     return np.stack([_one(model, seen, row[None].expand(len(rgb), -1), mask[None].expand(len(rgb), -1), size, threshold)
                      for row, mask in zip(ids, keep, strict=True)])  # fmt: skip
 
@@ -76,9 +75,9 @@ def _squares(model: Sam3Model, rgb: np.ndarray) -> Tensor:
 
 
 def _one(model: Sam3Model, seen: Any, ids: Tensor, keep: Tensor, size: tuple[int, ...], threshold: float) -> np.ndarray:
-    """(n, h, w): the surest instance at every pixel."""
-    said = model(vision_embeds=seen, input_ids=ids, attention_mask=keep)
-    score = said.pred_logits.float().sigmoid() * said.presence_logits.float().sigmoid()
-    masks = said.pred_masks.float().sigmoid() * (score >= threshold)[..., None, None]
+    """Largest probability of an instance at every pixel, (n, h, w)."""
+    output = model(vision_embeds=seen, input_ids=ids, attention_mask=keep)
+    score = output.pred_logits.float().sigmoid() * output.presence_logits.float().sigmoid()
+    masks = output.pred_masks.float().sigmoid() * (score >= threshold)[..., None, None]
     most = masks.amax(1, keepdim=True)
     return interpolate(most, tuple(size), mode="bilinear", align_corners=False)[:, 0].cpu().numpy()

@@ -1,4 +1,4 @@
-"""Text to token ids: a tokenizer.json of the `tokenizers` library, or hashed words for models that start from nothing."""
+"""Tokenizers: a tokenizer.json of the `tokenizers` library, or hashed words for models that start from random weights."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from tokenizers import Tokenizer
 from torch import Tensor
 
 
-def text_batch(tokens: Tokens, config: Any, texts: Sequence[str]) -> tuple[Tensor, Tensor]:
-    """(b, n) ids and (b, n) 1 where they count, as CLIP's text tower reads them; what is too long is cut."""
+def tokenize_batch(tokens: Tokens, config: Any, texts: Sequence[str]) -> tuple[Tensor, Tensor]:
+    """Ids (b, n) and attention mask (b, n) of texts for CLIP's text tower; long texts are cut."""
     rows = [tokens.encode(text)[: config.max_position_embeddings - 2] for text in texts]
     begin, end = text_ends(tokens, config)
     longest = max(map(len, rows)) + 2
@@ -25,7 +25,7 @@ def text_batch(tokens: Tokens, config: Any, texts: Sequence[str]) -> tuple[Tenso
 
 
 def text_ends(tokens: Tokens, config: Any) -> tuple[int, int]:
-    """Ids that begin and end a text. The tokenizer is asked first: old configs of CLIP give 0 and 2, which it never meant."""
+    """Ids that begin and end a text, from the tokenizer if it has them: old configs of CLIP contain the wrong ids 0 and 2."""
     begin, end = tokens.find("<|startoftext|>"), tokens.find("<|endoftext|>")
     return config.bos_token_id if begin is None else begin, config.eos_token_id if end is None else end
 
@@ -36,30 +36,30 @@ HASHED = "afford_hashed_words"
 
 
 class Tokens(Protocol):
-    """What the models ask of a tokenizer."""
+    """Tokenizer interface of the models."""
 
     size: int
     """number of ids"""
 
     def encode(self, text: str) -> list[int]:
-        """Ids of a text, nothing added at its ends; `<image>` and `[SEG]` are one id each."""
+        """Encode a text without special ids at its ends; `<image>` and `[SEG]` are one id each."""
         ...
 
     def id(self, special: str) -> int:
-        """The id of `<image>` or `[SEG]`."""
+        """Id of `<image>` or `[SEG]`."""
         ...
 
     def find(self, token: str) -> int | None:
-        """The id of a token, None when it is none of its own."""
+        """Id of a token; None when the vocabulary lacks it."""
         ...
 
     def to_json(self) -> str:
-        """The text of its tokenizer.json."""
+        """Return the text of its tokenizer.json."""
         ...
 
 
 class HashedTokens:
-    """Every word has the id that its hash gives; 0 pads, 1 begins, 2 ends, 3 is the image, 4 is [SEG]."""
+    """Tokenizer that hashes words to ids; 0 is padding, 1 begin, 2 end, 3 the image, 4 [SEG]."""
 
     FIRST = 5
     SPECIAL = {IMAGE: 3, SEG: 4}  # noqa: RUF012  # never written to
@@ -68,15 +68,19 @@ class HashedTokens:
         self.size = size
 
     def encode(self, text: str) -> list[int]:
+        """Encode a text."""
         return [self.SPECIAL.get(word, self._hash(word)) for word in WORD.findall(text)]
 
     def id(self, special: str) -> int:
+        """Id of a special token."""
         return self.SPECIAL[special]
 
     def find(self, token: str) -> int | None:
+        """Id of a token, None when it is unknown."""
         return self.SPECIAL.get(token)
 
     def to_json(self) -> str:
+        """Return the text of tokenizer.json."""
         return json.dumps({HASHED: self.size}) + "\n"
 
     def _hash(self, word: str) -> int:
@@ -84,7 +88,7 @@ class HashedTokens:
 
 
 class FileTokens:
-    """A tokenizer.json; `<image>` and `[SEG]` are added where it does not know them."""
+    """Tokenizer of a tokenizer.json, to which `<image>` and `[SEG]` are added if missing."""
 
     def __init__(self, text: str) -> None:
         self.tokenizer = Tokenizer.from_str(text)
@@ -96,26 +100,30 @@ class FileTokens:
         self.special = {token: vocabulary[token] for token in (IMAGE, SEG)}
 
     def encode(self, text: str) -> list[int]:
+        """Encode a text."""
         ids: list[int] = self.tokenizer.encode(text, add_special_tokens=False).ids
         return ids
 
     def id(self, special: str) -> int:
+        """Id of a special token."""
         return self.special[special]
 
     def find(self, token: str) -> int | None:
+        """Id of a token, None when it is unknown."""
         found: int | None = self.tokenizer.token_to_id(token)
         return found
 
     def to_json(self) -> str:
+        """Return the text of tokenizer.json."""
         text: str = self.tokenizer.to_str()
         return text
 
 
 def read_tokens(path: Path) -> Tokens:
-    """The tokenizer of a file; ValueError when there is none, or it is not one."""
+    """Read a tokenizer.json. ValueError for a missing file or another kind of file."""
     try:
         text = path.read_text(encoding="utf-8")
         found = json.loads(text)
         return HashedTokens(int(found[HASHED])) if HASHED in found else FileTokens(text)
-    except Exception as error:  # the library raises bare Exception for a file that is not a tokenizer
+    except Exception as error:  # the library raises bare Exception for another kind of file
         raise ValueError(f"{path}: expected a tokenizer.json of the tokenizers library; {error}") from error

@@ -1,4 +1,7 @@
-"""Parameters of every backend that runs a pretrained model."""
+"""Weights of pretrained models: parameters of their backends, local folders, and downloads from a hub.
+
+A hub id is OWNER/NAME for the newest files, or OWNER/NAME@REVISION for those of a branch, a tag or a commit.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +18,7 @@ from schemas.files import FileRef, FileTree
 
 @dataclass(frozen=True)
 class Pretrained:
-    """Which weights, on which device, as which type of numbers."""
+    """Parameters of a backend with a pretrained model."""
 
     model: str = ""
     """local folder or file, or hub id, of the weights"""
@@ -26,16 +29,17 @@ class Pretrained:
 
 
 READ = (".json", ".safetensors", ".txt", ".model", ".jinja")
-"""endings of what is read of a published model"""
+"""suffixes of the files of a published model that are downloaded"""
 ALSO = (".pt", ".pth", ".ckpt", ".bin")
-"""and of a local folder"""
+"""further suffixes that are read in a local folder"""
 LABEL = "weights"
 HUB_ID = re.compile(r"(?P<id>[A-Za-z0-9][\w.-]*(/[A-Za-z0-9][\w.-]*)?)(@(?P<revision>[A-Za-z0-9][\w./-]*))?")
 
 
 def weight_files(name: str, digest: Callable[[Path], str]) -> FileTree:
-    """The files of a model with their content digests, wherever they lie and whatever the folder is called. ValueError when
-    there are none.
+    """List the files of a model with their content digests, which do not depend on the place of the files.
+
+    ValueError for a folder without files of a model.
     """
     place = find_model(name)
     if place.is_file():
@@ -48,7 +52,7 @@ def weight_files(name: str, digest: Callable[[Path], str]) -> FileTree:
 
 
 def find_model(name: str) -> Path:
-    """Where a model lies. ValueError says what was tried."""
+    """Local path of a model; a hub id is downloaded. ValueError says what was tried."""
     place = Path(name).expanduser()
     if place.exists():
         return place.absolute()
@@ -68,7 +72,7 @@ def find_model(name: str) -> Path:
 
 
 def split_revision(name: str) -> tuple[str, str | None]:
-    """The repository of a hub id, and the revision after its `@`, None for the newest."""
+    """Split a hub id into repository and revision; None for the newest revision."""
     repository, _, revision = name.partition("@")
     return repository, revision or None
 
@@ -80,10 +84,10 @@ def _ref(path: Path, name: str, digest: Callable[[Path], str]) -> FileRef:
 P = TypeVar("P")
 
 
-def with_weights(params: P, weights: FileTree | None, named: str = "model") -> P:
-    """Params of a stage whose `named` says where the files of `weights` lie on this machine; as they are when there are none.
+def with_local_weights(params: P, weights: FileTree | None, named: str = "model") -> P:
+    """Set the field `named` of the Params of a stage to the local path of `weights`; no change without weights.
 
-    The place is in no key: the content of the files is.
+    The path is not part of a task's key, but the content of the files is.
     """
     if weights is None:
         return params
@@ -91,9 +95,9 @@ def with_weights(params: P, weights: FileTree | None, named: str = "model") -> P
 
 
 def weights_root(weights: FileTree) -> Path:
-    """The folder in which the files have their names, or the file itself when there is only one.
+    """Folder of the files of weights, or the file itself when there is only one.
 
-    Where they lie under other names, as in the cache of a hub, it is a folder of links that lives as long as the process.
+    Files that have other names on disk, as in the cache of a hub, get a folder of links, which is removed with the process.
     """
     found = {Path(str(file.path).removesuffix(file.name)) for file in weights.files if str(file.path).endswith(f"/{file.name}")}
     named = len(found) == 1 and all(found == {Path(str(file.path).removesuffix(file.name))} for file in weights.files)
@@ -112,6 +116,6 @@ def _links(files: tuple[tuple[str, Path], ...]) -> TemporaryDirectory[str]:
 
 
 def file_stamps(place: Path) -> Any:
-    """What changes when a file of the weights does: name, size and time of each, so that no stale model is kept in memory."""
+    """Name, size, time and inode of each file of the weights, as the key of models that are kept in memory."""
     files = [place] if place.is_file() else sorted(path for path in place.rglob("*") if path.is_file())
     return tuple((str(path), path.stat().st_size, path.stat().st_mtime_ns, path.stat().st_ino) for path in files)

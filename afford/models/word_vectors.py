@@ -1,5 +1,6 @@
-"""Words of a task as vectors, from nothing: each word is the mean of its hashed pieces, so that an unseen noun still shares
-pieces with seen ones (Bojanowski et al. 2017, "Enriching Word Vectors with Subword Information").
+"""Word vectors of a task: each word is the mean of its hashed subwords, so that an unseen noun shares subwords with known ones.
+
+Method of Bojanowski et al. 2017, "Enriching Word Vectors with Subword Information".
 """
 
 from __future__ import annotations
@@ -17,19 +18,19 @@ PIECE_LENGTHS = (3, 4, 5)
 
 @functools.lru_cache(maxsize=4096)
 def subwords(word: str, buckets: int) -> tuple[int, ...]:
-    """Rows of a word in a table of `buckets`: the whole word, and its pieces of 3 to 5 letters with < and > as its ends."""
+    """Rows of a word in a table of `buckets`: the whole word, and its subwords of 3 to 5 letters with < and > as its ends."""
     framed = f"<{word}>"
     parts = [framed] + [framed[i : i + n] for n in PIECE_LENGTHS for i in range(len(framed) - n + 1)]
     return tuple(crc32(part.encode()) % buckets for part in parts)
 
 
 def split_words(task: str) -> list[str]:
-    """Lower-case words of a task, punctuation left out."""
+    """Split a task into lower-case words without punctuation."""
     return WORD.findall(task.lower())
 
 
 class WordVectors(nn.Module):
-    """Tasks -> word vectors."""
+    """Embedding of the words of tasks."""
 
     def __init__(self, buckets: int, words: int, width: int) -> None:
         super().__init__()
@@ -40,8 +41,9 @@ class WordVectors(nn.Module):
         nn.init.normal_(self.table.weight, std=0.5)
 
     def forward(self, tasks: tuple[str, ...]) -> tuple[Tensor, Tensor]:
-        """b tasks -> (b, n, width) vectors and (b, n) bool that says which are words, n being the longest task's count; a task
-        without words has one empty one.
+        """Embed b tasks: vectors (b, n, width) and mask (b, n) bool of the words, where n is the length of the longest task.
+
+        A task without words has one empty word.
         """
         rows = [[subwords(word, self.buckets) for word in split_words(task)[: self.words]] or [()] for task in tasks]
         longest = max(map(len, rows))

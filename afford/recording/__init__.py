@@ -1,1 +1,1 @@
-"""Values to MCAP recordings and back: what a stage made, to be looked at in Foxglove, Rerun or a terminal."""
+"""Recordings of stages: typed outputs as MCAP files, their checks, contact sheets, Foxglove layouts and Rerun views."""

@@ -1,4 +1,4 @@
-"""Does a recording say what it should? Every payload parsed, every picture decoded, every frame complete."""
+"""Content check of a recording: every payload parsed, every picture decoded, every frame complete."""
 
 from __future__ import annotations
 
@@ -19,28 +19,28 @@ from afford.recording.messages import CAMERA, timed_parts
 FRAMES = "/frame_decode/image"
 MAGIC = {"jpeg": b"\xff\xd8\xff", "png": b"\x89PNG\r\n\x1a\n"}
 SECOND_NS = 10**9
-MOST = 20
-"""problems told of one file"""
+MAX_PROBLEMS = 20
+"""problems reported of one file"""
 
 
 @dataclass
 class Seen:
-    """What the messages showed on the way."""
+    """Image times and sizes collected from the messages, and problems."""
 
     times: dict[str, list[int]] = field(default_factory=lambda: defaultdict(list))
     """image topic -> log times"""
     sizes: dict[tuple[int, int], str] = field(default_factory=dict)
-    """(height, width) of what the camera saw -> a topic that has it"""
+    """(height, width) of camera images -> a topic of that size"""
     problems: list[str] = field(default_factory=list)
 
 
 def check_content(path: Path) -> list[str]:
-    """Sentences about payloads that do not fit, at most MOST; [] when all is well. The file itself must be whole."""
+    """List at most MAX_PROBLEMS problems of the payloads as sentences; [] without any. The file must be intact."""
     seen = Seen()
     with path.open("rb") as stream:
         for _, channel, message, value in make_reader(stream, decoder_factories=[DecoderFactory()]).iter_decoded_messages():
             _payload(channel, message, value, seen)
-            if len(seen.problems) >= MOST:
+            if len(seen.problems) >= MAX_PROBLEMS:
                 return seen.problems
     return seen.problems + _sizes(seen) + _complete(seen)
 
@@ -68,9 +68,9 @@ def _picture(channel: Channel, value: Any, where: str, seen: Seen) -> None:
     if value.frame_id == CAMERA:
         seen.sizes.setdefault(picture.shape[:2], channel.topic)
     if "255" in channel.metadata.get("classes", "") and not channel.topic.endswith("/confidence"):
-        strange = (picture != 0) & (picture != 255)
-        if strange.any():
-            seen.problems.append(f"{where}: a mask holds 0 and 255 only, got {int(picture[strange][0])}")
+        invalid = (picture != 0) & (picture != 255)
+        if invalid.any():
+            seen.problems.append(f"{where}: a mask holds 0 and 255 only, got {int(picture[invalid][0])}")
 
 
 def _sizes(seen: Seen) -> list[str]:
@@ -79,13 +79,13 @@ def _sizes(seen: Seen) -> list[str]:
 
 
 def _complete(seen: Seen) -> list[str]:
-    """Every picture topic of a stage on the same frames, each of them a frame of the clip."""
+    """Check that all image topics of a stage have the same frames, and that these are frames of the clip."""
     problems = []
-    rooms: dict[str, dict[str, list[int]]] = defaultdict(dict)
+    stages: dict[str, dict[str, list[int]]] = defaultdict(dict)
     for topic, times in seen.times.items():
-        rooms[topic.split("/")[1]][topic] = times
+        stages[topic.split("/")[1]][topic] = times
     frames = set(seen.times.get(FRAMES, ()))
-    for topics in rooms.values():
+    for topics in stages.values():
         first = next(iter(topics))
         for topic, times in topics.items():
             missing = set(topics[first]) ^ set(times)

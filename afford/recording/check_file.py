@@ -1,4 +1,4 @@
-"""Is an MCAP file whole? Every record, every checksum, and every index against what it points to."""
+"""Integrity check of an MCAP file: every record, every checksum, and every index against its target."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class DamageError(ValueError):
 
 @dataclass
 class Seen:
-    """What was met on the way through the file."""
+    """Records met while walking through the file."""
 
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
@@ -39,7 +39,7 @@ class Seen:
 
 
 def check_file(path: Path) -> list[str]:
-    """Sentences about everything that is wrong with the file, [] for a whole one."""
+    """List all problems of a file as sentences; [] for an intact file."""
     if path.stat().st_size < 2 * len(MAGIC):
         return ["too short for an MCAP file"]
     seen = Seen()
@@ -77,7 +77,7 @@ def _walk(data: mmap.mmap, seen: Seen) -> None:
 
 
 def _records(data: mmap.mmap) -> Iterator[tuple[int, int, int]]:
-    """(offset, opcode, length of the body) of every record of the file."""
+    """Yield (offset, opcode, length of the body) of every record of the file."""
     at, end = len(MAGIC), len(data) - len(MAGIC)
     opcode = 0
     while at < end:

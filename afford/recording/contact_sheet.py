@@ -1,7 +1,7 @@
-"""A contact sheet of recordings: of clips, frame, masks, hands removed, complete objects, affordance and words, side by side; of
-objects, views, candidates and where a hand must not go (object_sheet.py); of grasps, their moments (grasp_strips.py); of
-interactions, frames, motion, what was said and attention (interaction_strips.py); of all others, their pictures and curves
-(picture_strips.py).
+"""Contact sheet of recordings: a PNG with pictures of moments spread evenly.
+
+A clip has columns for frame, masks, removed hands, complete objects, affordances and text. Other recordings have strips of their
+own: objects, grasps and pictures with curves (strips.py), interactions (interactions.py).
 """
 
 from __future__ import annotations
@@ -39,11 +39,11 @@ OWN_STRIPS: tuple[tuple[Callable[[Path], bool], Strips], ...] = (
     (is_grasp, grasp_strips),
     (is_interaction, interaction_strips),
 )
-"""what tells a recording that is no clip, and its strips; sheets of what stands first hold nothing of the others"""
+"""test for a kind of recording -> its strips; a sheet shows recordings of the first kind that matches any"""
 
 
 def write_sheet(paths: Sequence[Path], out: Path, rows: int = 8) -> None:
-    """Write a PNG with about `rows` rows spread over the recordings; ValueError when there is no picture in any."""
+    """Write a PNG with about `rows` rows spread over the recordings; ValueError when no recording has a picture."""
     for is_one, strips_of in OWN_STRIPS:
         if own := [path for path in paths if is_one(path)]:
             return write_page(out, [strip for path in own for strip in strips_of(path)])
@@ -52,13 +52,13 @@ def write_sheet(paths: Sequence[Path], out: Path, rows: int = 8) -> None:
     if not found and (strips := [strip for path in paths for strip in picture_strips(path)]):
         return write_page(out, strips)
     if not found:
-        raise ValueError(f"{paths[0]}: expected pictures on {FRAME_IMAGE}, got none")
+        raise ValueError(f"{paths[0]}: no pictures on {FRAME_IMAGE}; record the frames (frame_decode)")
     strips = [_row(path.stem, moment) for path, moment in found]
     write_page(out, [title_row([title for title, _, _ in COLUMNS] + ["task"], strips[0].shape[1]), *strips])
 
 
 def _chosen(path: Path, rows: int) -> list[Moment]:
-    """Moments spread evenly over the frames that become samples, or over all frames where those are too few."""
+    """Moments spread evenly over the frames that become samples, or over all frames when those are too few."""
     times = [m.time_ns for m in moments(path, [FRAME_IMAGE])]
     good = [m.time_ns for m in moments(path, [STATE]) if m.one(STATE).accepted]
     pool = good if len(good) >= rows else times
@@ -70,12 +70,12 @@ def _row(name: str, moment: Moment) -> np.ndarray:
     tiles = [tile_of(moment, picture, overlay) for _, picture, overlay in COLUMNS]
     height = max(tile.shape[0] for tile in tiles if tile is not None)
     blank = np.full((height, TILE_W, 3), TILE_BACKGROUND, np.uint8)
-    shown = [blank if tile is None else tile for tile in tiles] + [_words(name, moment, height)]
+    shown = [blank if tile is None else tile for tile in tiles] + [_text_tile(name, moment, height)]
     return np.concatenate([pad_tile(tile) for tile in shown], axis=1)
 
 
-def _words(name: str, moment: Moment, height: int) -> np.ndarray:
-    """What is said of the moment, as a picture (height, TEXT_W, 3)."""
+def _text_tile(name: str, moment: Moment, height: int) -> np.ndarray:
+    """Text of a moment as a picture (height, TEXT_W, 3)."""
     state = moment.one(STATE)
     page = Image.new("RGB", (TEXT_W, height), TILE_BACKGROUND)
     draw, y = ImageDraw.Draw(page), 6
@@ -88,12 +88,12 @@ def _words(name: str, moment: Moment, height: int) -> np.ndarray:
 
 def _lines(name: str, moment: Moment, state: Any) -> list[tuple[str, int, tuple[int, int, int]]]:
     frame = getattr(moment.one(FRAME_STATE), "frame", "?")
-    said = [(f"{name}  frame {frame}  {moment.time_ns / 1e9:.2f} s", 12, FAINT)]
+    lines = [(f"{name}  frame {frame}  {moment.time_ns / 1e9:.2f} s", 12, FAINT)]
     narrations = moment.values.get(NARRATION, [])
-    said += [(n.text, 17, TILE_INK) for n in narrations[:2]] or [("(no narration)", 14, FAINT)]
-    said += [(f"{n.verb} / {n.noun}", 12, FAINT) for n in narrations[:1]]
+    lines += [(n.text, 17, TILE_INK) for n in narrations[:2]] or [("(no narration)", 14, FAINT)]
+    lines += [(f"{n.verb} / {n.noun}", 12, FAINT) for n in narrations[:1]]
     if state is not None:
         hands = f"left: {state.left_object or 'none'}, right: {state.right_object or 'none'}"
         verdict = f"quality {state.quality:.2f}" if state.accepted else f"no sample: {state.rejection}".replace("_", " ")
-        said += [(state.taxonomy.replace("_", " "), 14, TILE_INK), (hands, 12, FAINT), (verdict, 12, FAINT)]
-    return said
+        lines += [(state.taxonomy.replace("_", " "), 14, TILE_INK), (hands, 12, FAINT), (verdict, 12, FAINT)]
+    return lines

@@ -1,4 +1,4 @@
-"""What differs between two recordings, by content: chunks, compression and versions of libraries do not count."""
+"""Differences between two recordings by content: chunks, compression and library versions do not count."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ SECOND_NS = 10**9
 
 
 def difference(one: Path, two: Path) -> list[str]:
-    """Sentences: topics, then metadata, then the first message that differs; [] for equal content."""
+    """List differences as sentences: topics, then metadata, then the first differing message; [] for equal content."""
     with open_recording(one) as a, open_recording(two) as b:
         return [*_channels(a, b), *_metadata(a.metadata, b.metadata), *_attachments(a, b), *_first_message(a, b)]
 
@@ -20,8 +20,8 @@ def difference(one: Path, two: Path) -> list[str]:
 def _channels(a: Recording, b: Recording) -> list[str]:
     left, right = ({channel.topic: channel for channel in r.channels} for r in (a, b))
     alone = {topic: "first" if topic in left else "second" for topic in sorted(left.keys() ^ right.keys())}
-    said = [f"topic {topic} is only in the {which}" for topic, which in alone.items()]
-    return said + [text for topic in sorted(left.keys() & right.keys()) for text in _channel(left[topic], right[topic])]
+    lines = [f"topic {topic} is only in the {which}" for topic, which in alone.items()]
+    return lines + [text for topic in sorted(left.keys() & right.keys()) for text in _channel(left[topic], right[topic])]
 
 
 def _channel(a: Channel, b: Channel) -> list[str]:
@@ -30,12 +30,12 @@ def _channel(a: Channel, b: Channel) -> list[str]:
 
 
 def _metadata(a: Mapping[str, Mapping[str, str]], b: Mapping[str, Mapping[str, str]]) -> list[str]:
-    said = []
+    lines = []
     for name in sorted({*a, *b}):
         left, right = a.get(name, {}), b.get(name, {})
-        said += [f"metadata {name}.{key}: {left.get(key, 'nothing')} became {right.get(key, 'nothing')}"
+        lines += [f"metadata {name}.{key}: {left.get(key, 'nothing')} became {right.get(key, 'nothing')}"
                  for key in sorted({*left, *right}) if left.get(key) != right.get(key)]  # fmt: skip
-    return said
+    return lines
 
 
 def _attachments(a: Recording, b: Recording) -> list[str]:
@@ -46,11 +46,11 @@ def _attachments(a: Recording, b: Recording) -> list[str]:
 def _first_message(a: Recording, b: Recording) -> list[str]:
     for left, right in zip_longest(a.messages, b.messages):
         if left != right:
-            return [_told(left, right)]
+            return [_first_difference(left, right)]
     return []
 
 
-def _told(left: Message | None, right: Message | None) -> str:
+def _first_difference(left: Message | None, right: Message | None) -> str:
     if left is None or right is None or (left.time_ns, left.topic) != (right.time_ns, right.topic):
         alone = min((m for m in (left, right) if m is not None), key=lambda m: (m.time_ns, m.topic))
         return f"first difference: {_where(alone)} is only in the {'first' if alone is left else 'second'}"

@@ -1,4 +1,4 @@
-"""Tracks -> per entity a mask and its state below /mask_densify, an overlay of all, and who touches what."""
+"""Recorders of extraction results: tracks, inpainted frames, complete objects, affordances, samples."""
 
 from __future__ import annotations
 
@@ -35,7 +35,10 @@ TRACKS_OVERLAY, CONTACT = f"{TRACKS}/overlay", f"{TRACKS}/contact"
 
 
 def record_tracks(value: Tracks, frames: Frames) -> Recording:
-    """Masks of 0 and 255, one topic per hand and object; states are metrics of each mask."""
+    """Masks of 0 and 255 and their states, one topic per hand and object, an overlay of all, and contacts.
+
+    Tracks -> /mask_densify.
+    """
     words = slugs(value.entities)
     colours = colours_of(value.entities)
     shades = {word: list(colour) for word, colour in zip(words, colours, strict=True)}
@@ -73,11 +76,14 @@ def _contact(value: Tracks, t: int) -> Contact:
 
 INPAINTED = "/hand_inpaint"
 SOURCE_COLOURS = ((0, 0, 0), (102, 187, 106), (255, 202, 40), (239, 83, 80))
-"""PixelSource in order: original, background, object, spatial"""
+"""colours of PixelSource in order: original, background, object, spatial"""
 
 
 def record_inpainted(value: Inpainted, frames: Frames) -> Recording:
-    """The frame without hands; what was replaced, where each pixel came from, and how sure it is."""
+    """Frames without hands; the replaced pixels, the source of each pixel, and its confidence.
+
+    Inpainted -> /hand_inpaint/image, mask, confidence, source, state.
+    """
     colours = {source.name.lower(): list(SOURCE_COLOURS[source]) for source in PixelSource}
     channels = (
         image_channel(f"{INPAINTED}/image"),
@@ -113,7 +119,10 @@ COMPLETION_OVERLAY = f"{COMPLETION}/overlay"
 
 
 def record_completion(value: CompleteObjects, frames: Frames) -> Recording:
-    """Masks of 0 and 255, one topic per object that a hand touches."""
+    """Complete masks of 0 and 255, one topic per touched object, with their states and an overlay.
+
+    CompleteObjects -> /object_completion.
+    """
     words = slugs(value.entities)
     colours = colours_of(value.entities)
     shades = {word: list(colour) for word, colour in zip(words, colours, strict=True)}
@@ -137,7 +146,10 @@ AFFORDANCE = "/affordance"
 
 
 def record_affordances(value: Affordances, frames: Frames) -> Recording:
-    """Where each hand acts on its object; what kind of two-handed task it is, and whether the frame becomes a sample."""
+    """Affordance of each hand on its object; taxonomy of the task, and acceptance of the frame as a sample.
+
+    Affordances -> /affordance/left, /affordance/right, /affordance/overlay, /affordance/state.
+    """
     masks = tuple(image_channel(f"{AFFORDANCE}/{side}", side=side, classes={"0": "background", "255": f"{side} affordance"})
                   for side in SIDES)  # fmt: skip
     overlay = image_channel(f"{AFFORDANCE}/overlay", palette={side: list(colour) for side, colour in HANDS.items()})
@@ -167,7 +179,10 @@ SAMPLES = "/sample_assemble"
 
 
 def record_samples(value: Samples, frames: Frames) -> Recording:
-    """What the data set gets from this clip: the JPEG itself, both masks, the task."""
+    """Samples of the data set: the JPEG itself, both masks, the task.
+
+    Samples -> /sample_assemble/image, left, right, state, log.
+    """
     masks = tuple(image_channel(f"{SAMPLES}/{side}", side=side, classes={"0": "background", "255": f"{side} affordance"})
                   for side in SIDES)  # fmt: skip
     channels = (image_channel(f"{SAMPLES}/image", rejected=dict(value.rejected)), *masks, channel(f"{SAMPLES}/state", SampleState),

@@ -1,4 +1,4 @@
-"""Frames -> /frame_decode/image, /frame_decode/state."""
+"""Recorders of extraction inputs: frames, annotated or detected outlines, narrations."""
 
 from __future__ import annotations
 
@@ -25,7 +25,10 @@ FRAME_IMAGE, FRAME_STATE = "/frame_decode/image", "/frame_decode/state"
 
 
 def record_frames(value: Frames, frames: Frames) -> Recording:
-    """JPEG of every frame; its mean brightness and how much it differs from the one before (0..255)."""
+    """JPEG of every frame with its mean brightness and its difference from the frame before (0..255).
+
+    Frames -> /frame_decode/image, /frame_decode/state.
+    """
     return Recording((image_channel(FRAME_IMAGE), channel(FRAME_STATE, FrameState)), _frame_messages(value, frames))
 
 
@@ -45,14 +48,17 @@ Colours = Mapping[str, Colour]
 
 
 def record_clip(value: Clip, frames: Frames) -> Recording:
-    """What came from outside: outlines as annotated, on frames that were decoded; the narrations; what the reader remarked."""
+    """Outlines as annotated on decoded key frames, narrations, and warnings of the reader.
+
+    Clip -> /source_read/outlines, /source_read/narration where each begins, /source_read/log.
+    """
     channels = (channel(CLIP_OUTLINES, ImageAnnotations), channel(CLIP_NARRATION, NarrationState), channel(CLIP_LOG, Log))
     messages = [*outlines(value, frames, CLIP_OUTLINES), *_narrations(value, frames), *_remarks(value, frames)]
     return Recording(channels, sorted(messages, key=attrgetter("time_ns")))
 
 
 def outlines(clip: Clip, frames: Frames, topic: str) -> Iterator[Message]:
-    """The masks of every key frame that was decoded, as lines."""
+    """Masks of every decoded key frame as closed lines with names."""
     times = dict(zip(frames.frame.tolist(), frames.time_ns.tolist(), strict=True))
     colours, size = _colours(clip), frames.rgb.shape[1:3]
     for key in clip.key_frames:
@@ -73,7 +79,7 @@ def _drawn(key: KeyFrame, size_hw: tuple[int, ...], time_ns: int, colours: Colou
 
 
 def _draw(drawn: ImageAnnotations, annotation: Annotation, corners: np.ndarray, time_ns: int, colours: Colours) -> None:
-    """A closed line. Foxglove counts from the corner of the first pixel, we from its centre: corners come half a pixel on."""
+    """Add a closed line, shifted by half a pixel: Foxglove counts from the corner of the first pixel, we from its centre."""
     line = PointsAnnotation(type=PointsAnnotation.LINE_LOOP, thickness=LINE_PX, outline_color=_colour(colours[annotation.name]),
                             points=[Point2(x=x, y=y) for x, y in corners.tolist()])  # fmt: skip
     _stamp(line, time_ns)
@@ -89,7 +95,7 @@ def _name(drawn: ImageAnnotations, annotation: Annotation, corners: np.ndarray, 
 
 
 def _narrations(clip: Clip, frames: Frames) -> Iterator[Message]:
-    """Each at its first frame that was decoded, or at the last frame when it begins later."""
+    """Narrations, each at its first decoded frame, or at the last frame when it begins later."""
     for narration in clip.narrations:
         at = min(int(np.searchsorted(frames.frame, narration.start_frame)), len(frames.frame) - 1)
         time_ns = EPOCH_NS + int(frames.time_ns[at])
@@ -103,7 +109,7 @@ def _remarks(clip: Clip, frames: Frames) -> Iterator[Message]:
 
 
 def _colours(clip: Clip) -> Colours:
-    """Name -> RGB, the colours that the masks of the same hands and objects have."""
+    """Colour of each name: RGB of the masks of the same hands and objects."""
     sides = {a.name: a.side for key in clip.key_frames for a in key.annotations}
     entities = [Entity(name, name, -1, "hand" if side else "object", side) for name, side in sides.items()]
     return dict(zip(sides, colours_of(entities), strict=True))
@@ -121,7 +127,7 @@ DETECTED_OUTLINES = "/hand_detect/outlines"
 
 
 def record_detections(value: Clip, frames: Frames) -> Recording:
-    """Hands and what they touch, as they were found."""
+    """Outlines of detected hands and the objects they touch: a clip -> /hand_detect/outlines."""
     return Recording((channel(DETECTED_OUTLINES, ImageAnnotations),), list(outlines(value, frames, DETECTED_OUTLINES)))
 
 
@@ -129,7 +135,10 @@ NARRATION, NARRATION_LOG = "/narration", "/narration/log"
 
 
 def record_narrations(value: FrameLabels, frames: Frames) -> Recording:
-    """The task of every frame as a message of our own, and as a line of text that every viewer shows."""
+    """Task of every frame as a message of our own and, where a narration begins, as a log line.
+
+    FrameLabels -> /narration on every labelled frame, /narration/log.
+    """
     return Recording((channel(NARRATION, NarrationState), channel(NARRATION_LOG, Log)), _narration_messages(value, frames))
 
 
@@ -145,7 +154,7 @@ def _narration_messages(value: FrameLabels, frames: Frames) -> Iterator[Message]
 
 
 def narration_message(n: Narration, frame: int) -> NarrationState:
-    """A narration, as said of a frame."""
+    """Narration of a frame."""
     return NarrationState(
         frame=frame, narration_id=n.narration_id, text=n.text, verb=n.verb, noun=n.noun, verb_key=n.verb_key,
         noun_key=n.noun_key, verb_class=n.verb_class, noun_class=n.noun_class, start_frame=n.start_frame,

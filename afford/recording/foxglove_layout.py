@@ -1,4 +1,4 @@
-"""A Foxglove layout for one recording: its pictures, curves and words, out of the topics that it has.
+"""Foxglove layout of one recording: panels for the pictures, curves and texts of its topics.
 
 A layout is JSON that Foxglove imports (Layouts, Import from file). Only topics with messages get a panel.
 """
@@ -14,15 +14,15 @@ from schemas.interaction import AFFORDANCES
 FRAME, OUTLINES = "/frame_decode/image", ("/source_read/outlines", "/hand_detect/outlines")
 OVERLAID = ("/mask_densify/overlay", "/hand_inpaint/image", "/object_completion/overlay", "/affordance/overlay",
             "/sample_assemble/image")  # fmt: skip
-"""pictures of a clip that are shown beside the frame; its frame carries the outlines of key frames"""
+"""pictures of a clip that are shown next to the frame, whose panel also has the outlines of key frames"""
 NARRATION = "/narration"
 IMAGE, LOG, ON_PAPER = "foxglove.CompressedImage", "foxglove.Log", "affordance.v1.Document"
 CURVES = {"affordance.v1.MaskState": "confidence", "affordance.v1.InpaintState": "confidence",
           "affordance.v1.AffordanceState": "quality"}  # fmt: skip
-"""message -> the number of it that is plotted"""
+"""message -> its plotted field"""
 IN_PANELS = {"affordance.v1.GraspState": ("goal_m", "height_m"), "affordance.v1.GraspForce": ("thumb_n", "index_n", "middle_n"),
              "affordance.v1.ActionState": AFFORDANCES}  # fmt: skip
-"""the same of grasps and of interactions, a panel for each"""
+"""message of grasps and interactions -> its plotted fields, a panel for each message"""
 IN_SPACE = ("foxglove.SceneUpdate", "foxglove.PointCloud")
 PICTURES_SHARE = 66.0
 Panels = dict[str, dict[str, Any]]
@@ -30,7 +30,7 @@ Tree = str | dict[str, Any]
 
 
 def layout(found: Summary) -> dict[str, Any]:
-    """The layout as JSON values; ValueError when the recording holds nothing that a panel shows."""
+    """Layout as JSON values; ValueError when no panel can show the recording."""
     topics = {topic.topic: topic.schema for topic in found.topics if topic.messages}
     pictures, beside = _pictures(topics) | _space(topics), _plot(topics) | _panels(topics) | _words(topics)
     if not pictures and not beside:
@@ -42,7 +42,7 @@ def layout(found: Summary) -> dict[str, Any]:
 
 
 def _pictures(topics: Mapping[str, str]) -> Panels:
-    """The views of a clip; every picture of a recording that is not of a clip."""
+    """Panels of a clip's views, or of every picture of any other recording."""
     images = [topic for topic, schema in topics.items() if schema == IMAGE]
     shown = [topic for topic in (FRAME, *OVERLAID) if topic in images] or images
     return {f"Image!{_id(topic)}": {"foxglovePanelTitle": topic, "imageMode": _image(topic, topics)} for topic in shown}
@@ -68,7 +68,7 @@ def _panels(topics: Mapping[str, str]) -> Panels:
 
 
 def _space(topics: Mapping[str, str]) -> Panels:
-    """What moves with frames, in one room: meshes where there are any, else points."""
+    """3-D panel of moving frames: meshes if the recording has them, otherwise points."""
     found = [topic for schema in IN_SPACE for topic, kind in topics.items() if kind == schema]
     if "foxglove.FrameTransforms" not in topics.values() or not found:
         return {}
@@ -78,21 +78,21 @@ def _space(topics: Mapping[str, str]) -> Panels:
 
 
 def _words(topics: Mapping[str, str]) -> Panels:
-    """Narrations and documents as they are, all logs in one."""
+    """Panels of narrations and documents, and one for all logs."""
     raw = [topic for topic, schema in topics.items() if schema == ON_PAPER or topic == NARRATION]
     panels = {f"RawMessages!{_id(topic)}": {"foxglovePanelTitle": topic, "topicPath": topic} for topic in raw}
     return panels | ({"RosOut!log": {"minLogLevel": 1, "searchTerms": []}} if LOG in topics.values() else {})
 
 
 def _grid(names: Sequence[str]) -> Tree:
-    """Two rows."""
+    """Arrange panels in two rows."""
     half = (len(names) + 1) // 2
     rows = [_stack(part, "row") for part in (names[:half], names[half:]) if part]
     return _split(rows[0], rows[1], "column", 50.0) if len(rows) == 2 else rows[0]
 
 
 def _stack(names: Sequence[str], direction: str) -> Tree:
-    """All beside or above each other, with equal shares."""
+    """Arrange panels in a row or column with equal shares."""
     if len(names) == 1:
         return names[0]
     return _split(names[0], _stack(names[1:], direction), direction, 100 / len(names))

@@ -1,8 +1,8 @@
-"""Grasps -> /grasp_evaluate/...: joints, links and object where they are, forces, rewards, how it goes, what it looks like.
+"""Recorder of grasps, /grasp_evaluate/...: joints, links and object poses, forces, rewards, metrics, camera pictures.
 
-Episodes follow each other, a second apart. A step is 1 / rate_hz of media time, so row r of an episode comes r / rate_hz after its
-beginning. Meshes are triangles that hang on the frames of links and object; the same as coloured points for viewers that draw no
-triangles. The object is grey-blue, ochre where it is to be held and red where it must not be touched.
+Episodes follow each other, a second apart; row r of an episode is r / rate_hz after its start. Meshes are triangles in the frames
+of links and object; the same shapes are also recorded as coloured points for viewers without triangles. The object is grey-blue,
+ochre on the part to hold and red on negative parts.
 """
 
 from __future__ import annotations
@@ -59,15 +59,18 @@ GRASPS = "/grasp_evaluate"
 IMAGE, LENS, TRANSFORMS, SCENE = f"{GRASPS}/image", f"{GRASPS}/calibration", f"{GRASPS}/transforms", f"{GRASPS}/scene"
 PALM, OBJECT, STATE, FORCE = f"{GRASPS}/palm", f"{GRASPS}/object", f"{GRASPS}/state", f"{GRASPS}/force"
 POINTS, N_T, FIGURES, LOG = f"{GRASPS}/points/object", f"{GRASPS}/points/N_t", f"{GRASPS}/figures", f"{GRASPS}/log"
-THING = "object"
+OBJECT_FRAME = "object"
 """frame_id of the object"""
 GAP_NS = SECOND_NS
 SPACING_M = 0.003
-"""between points of the hand"""
+"""distance of points of the hand"""
 
 
 def record_grasps(found: GraspEpisodes, episodes: Sequence[DrawableEpisode], hand: HandModel, seed: int) -> Recording:
-    """The traces of `found`, in their order; `seed` draws points on the hand. ValueError for a trace that is not of this hand."""
+    """Record the traces of `found` in their order; `seed` samples points on the hand.
+
+    ValueError for a trace of another hand.
+    """
     for one in episodes:
         _fits(one.trace, hand)
     return Recording(_channels(episodes, hand), _messages(found, episodes, hand, seed))
@@ -107,7 +110,7 @@ def _messages(found: GraspEpisodes, episodes: Sequence[DrawableEpisode], hand: H
 
 
 def _hand(hand: HandModel, colour: Colour, time_ns: int, seed: int) -> Iterator[Message]:
-    """Links do not change: their meshes and points come once."""
+    """Meshes and points of the links, recorded once because links are rigid."""
     found, rng = link_meshes(hand), np.random.default_rng(seed)
     yield scene(SCENE, time_ns, [entity(_frame(hand, skin.link), _frame(hand, skin.link),
                                         [triangles(skin.vertices, skin.faces, colour)]) for skin in found])  # fmt: skip
@@ -119,35 +122,36 @@ def _hand(hand: HandModel, colour: Colour, time_ns: int, seed: int) -> Iterator[
 
 
 def _begin(one: DrawableEpisode, hand: HandModel, time_ns: int) -> Iterator[Message]:
-    """The object, its goal and the camera, at the beginning of an episode."""
+    """Object, goal and text at the start of an episode."""
     task, trace = one.task, one.trace
     meshes = [triangles(piece.vertices, piece.faces, colour_of(task, piece.part)) for piece in hull_pieces(task.body)]
-    yield scene(SCENE, time_ns, [entity(THING, THING, meshes), entity("goal", WORLD, lines=[loop(goal_ring(trace.goal), GOAL)])])
+    goal = entity("goal", WORLD, lines=[loop(goal_ring(trace.goal), GOAL)])
+    yield scene(SCENE, time_ns, [entity(OBJECT_FRAME, OBJECT_FRAME, meshes), goal])
     colours = _rgba([colour_of(task, part) for part in task.body.point_part.tolist()])
-    yield cloud(POINTS, time_ns, THING, task.body.points, colours)
-    yield cloud(N_T, time_ns, THING, task.N_t, _rgba([NEGATIVE] * len(task.N_t)))
+    yield cloud(POINTS, time_ns, OBJECT_FRAME, task.body.points, colours)
+    yield cloud(N_T, time_ns, OBJECT_FRAME, task.N_t, _rgba([NEGATIVE] * len(task.N_t)))
     bad = ", ".join(task.negative) or "nothing"
     yield log(LOG, time_ns, f"{trace.name}: {task.use or 'any use'}; hold {task.hold or 'anything'}, not {bad}", task.name)
 
 
 def _rows(one: DrawableEpisode, hand: HandModel, rows: Sequence[int]) -> Iterator[Message]:
-    trace, how, T = one.trace, trace_metrics(one.trace, one.task), forward_kinematics(hand.joints, one.trace.q)
+    trace, metrics, T = one.trace, trace_metrics(one.trace, one.task), forward_kinematics(hand.joints, one.trace.q)
     height, width = one.draw(0).shape[:2]
     camera = camera_of(trace, hand, width, height)
     for row, time_ns in enumerate(rows):
         frames = {_frame(hand, link): T[row, link] for link in range(len(hand.links))}
-        yield transforms(TRANSFORMS, time_ns, {**frames, THING: pose_matrix(trace.body[row]), CAMERA: camera.T_world_cam})
+        yield transforms(TRANSFORMS, time_ns, {**frames, OBJECT_FRAME: pose_matrix(trace.body[row]), CAMERA: camera.T_world_cam})
         yield calibration(LENS, time_ns, CAMERA, camera.K, camera.width, camera.height)
         yield image(IMAGE, time_ns, jpeg(one.draw(row)), "jpeg")
         yield pose(PALM, time_ns, trace.palm[row])
         yield pose(OBJECT, time_ns, trace.body[row])
-        yield from _numbers(trace, how, hand, row, time_ns)
+        yield from _numbers(trace, metrics, hand, row, time_ns)
 
 
-def _numbers(trace: GraspTrace, how: TraceMetrics, hand: HandModel, row: int, time_ns: int) -> Iterator[Message]:
+def _numbers(trace: GraspTrace, metrics: TraceMetrics, hand: HandModel, row: int, time_ns: int) -> Iterator[Message]:
     yield stamped(STATE, time_ns, GraspState(
-        step=row, goal_m=how.goal_m[row], height_m=how.centre[row, 2], success=bool(how.success[row]),
-        as_violation_pct=how.as_violation_pct[row], as_safe_count=how.as_safe_count[row],
+        step=row, goal_m=metrics.goal_m[row], height_m=metrics.centre[row, 2], success=bool(metrics.success[row]),
+        as_violation_pct=metrics.as_violation_pct[row], as_safe_count=metrics.as_safe_count[row],
         penetration_mm=1000 * trace.penetration_m[row], reward=trace.reward[row].sum()))  # fmt: skip
     yield stamped(FORCE, time_ns, GraspForce(step=row, **_forces(trace, hand, row)))
     for name, value in zip(_joints(hand), trace.q[row].tolist(), strict=True):
@@ -157,14 +161,14 @@ def _numbers(trace: GraspTrace, how: TraceMetrics, hand: HandModel, row: int, ti
 
 
 def _forces(trace: GraspTrace, hand: HandModel, row: int) -> dict[str, float]:
-    """Newtons by what presses; a finger that the hand lacks presses nothing."""
+    """Newtons by source; a finger that the hand lacks has 0."""
     names = [name for name in FINGERS if name in hand.fingers.name]
     both = (("", trace.force[row]), ("_negative", trace.force_negative[row]))
     return {f"{name}{what}_n": float(value) for what, values in both for name, value in zip((*names, "rest"), values, strict=True)}
 
 
 def _figures(found: GraspEpisodes) -> str:
-    """Of every episode; those without a meaning (NaN) are null."""
+    """Figures of every episode; NaN is null."""
     rows = [{"task": task, **{name: None if np.isnan(value) else value for name, value in zip(found.figures, row, strict=True)}}
             for task, row in zip(found.task, found.values.tolist(), strict=True)]  # fmt: skip
     about = {name: getattr(found, name) for name in ("policy", "level", "engine", "seed")}
@@ -198,11 +202,11 @@ def _rgba(colours: Sequence[Colour]) -> np.ndarray:
 
 
 POLICY_GAP_NS = SECOND_NS // 2
-"""between the last step and the first episode, and between episodes"""
+"""time between the last step and the first episode, and between episodes"""
 
 
 def record_policy(curves: TrainingLog, stage: str, episodes: Sequence[DrawableEpisode]) -> Recording:
-    """The recording of the training `stage`; the episodes follow its last step."""
+    """Record a training of the stage `stage` and, after its last step, episodes of the policy."""
     return record_training(curves, stage, _episode_pictures(curves, episodes))
 
 
@@ -216,8 +220,8 @@ def _episode_pictures(curves: TrainingLog, episodes: Sequence[DrawableEpisode]) 
 
 
 def _episode_text(one: DrawableEpisode) -> str:
-    """What the episode is about, and how it ends."""
-    how = trace_metrics(one.trace, one.task)
+    """Task and outcome of an episode."""
+    metrics = trace_metrics(one.trace, one.task)
     bad = ", ".join(one.task.negative) or "nothing"
-    end = "reached the goal" if how.success[-1] else "never at the goal"
+    end = "reached the goal" if metrics.success[-1] else "never at the goal"
     return f"{one.task.name}: {one.task.use or 'any use'}; hold {one.task.hold or 'anything'}, not {bad}; {end}"

@@ -1,7 +1,7 @@
-"""An RGB-D sequence, its motion and what a model says of it, frame by frame, on the grid that the model sees.
+"""Recorder and contact sheet of RGB-D interactions: frames, motion, predictions of a model, on the model's grid.
 
-Frame i comes i / rate_hz after the fixed base of all recordings. The motion shown at frame i is the one that led to it, as the
-model sees it; at the first frame nothing has moved.
+Frame i is i / rate_hz after the fixed base of all recordings. The motion at frame i is the one that led to it, as in the model's
+input; the first frame has none.
 """
 
 from __future__ import annotations
@@ -31,8 +31,9 @@ PALETTE = [COLOURS[name] for name in AFFORDANCES]
 
 
 def record_interaction(shown: PackedSequence, found: Sequence[Prediction], rate_hz: float, threshold: float) -> Recording:
-    """`shown` at the size of the model with its motion in space; what was said of each of its frames. ValueError when they do not
-    fit.
+    """Record a sequence at the model's size with its motion in space and a prediction for each of its frames.
+
+    ValueError when they do not fit.
     """
     if len(found) != len(shown.rgb) or found[0].label.shape != shown.label.shape or len(shown.flow) != len(shown.rgb) - 1:
         raise ValueError(f"{shown.name}: expected an answer for each of {len(shown.rgb)} frames of {shown.label.shape} px, and the "
@@ -50,19 +51,19 @@ def _messages(shown: PackedSequence, found: Sequence[Prediction], rate_hz: float
     height, width = shown.label.shape
     still = np.broadcast_to(shown.still, (1, height, width, 3))
     span = _depth_span(shown.depth_m)
-    for n, (rgb, depth_m, moved, said) in enumerate(zip(shown.rgb, shown.depth_m, [*still, *shown.flow], found, strict=True)):
+    for n, (rgb, depth_m, moved, prediction) in enumerate(zip(shown.rgb, shown.depth_m, [*still, *shown.flow], found, strict=True)):
         time_ns = EPOCH_NS + round(n * SECOND_NS / rate_hz)
         yield image(FRAME, time_ns, jpeg(rgb), "jpeg")
         yield image(DEPTH, time_ns, encode_png((1000 * depth_m).round().clip(0, 65535).astype(np.uint16), PNG).tobytes())
         yield image(DEPTH_COLOUR, time_ns, encode_png(_depth_colours(depth_m, span), PNG).tobytes())
         yield image(FLOW, time_ns, _png(moved))
-        yield image(LIKELIEST, time_ns, _overlay(said.label))
-        yield image(CONFIDENT, time_ns, _overlay(said.confident(threshold)))
-        if said.attention.size:
-            yield image(ATTENTION, time_ns, _png(attention_heat(said.attention, height, width)))
+        yield image(LIKELIEST, time_ns, _overlay(prediction.label))
+        yield image(CONFIDENT, time_ns, _overlay(prediction.confident(threshold)))
+        if prediction.attention.size:
+            yield image(ATTENTION, time_ns, _png(attention_heat(prediction.attention, height, width)))
         yield stamped(ACTION, time_ns, ActionState(
-            step=n, said=likeliest_action(said.action),
-            **{name: float(p) for name, p in zip(AFFORDANCES, said.action, strict=True)}))
+            step=n, said=likeliest_action(prediction.action),
+            **{name: float(p) for name, p in zip(AFFORDANCES, prediction.action, strict=True)}))
     yield image(TRUTH, time_ns, _overlay(shown.label))
     yield log(LOG, time_ns, f"{shown.object_type}: {shown.affordance} is done, {likeliest_action(found[-1].action)} was said",
               shown.name)  # fmt: skip
@@ -73,18 +74,18 @@ def _png(rgb: np.ndarray) -> bytes:
 
 
 def _overlay(label: np.ndarray) -> bytes:
-    """Transparent where nothing is afforded."""
+    """Overlay of the affordances, transparent for background."""
     return overlay_png(np.stack([label == n for n in range(len(AFFORDANCES))]), PALETTE)
 
 
 def _depth_span(depth_m: np.ndarray) -> tuple[float, float]:
-    """Nearest and farthest depth of a sequence, but for one percent each; 0 and 1 where there is none."""
+    """Nearest and farthest depth of a sequence without the extreme percent on each side; 0 and 1 without depth."""
     known = depth_m[depth_m > 0]
     return (float(np.quantile(known, 0.01)), float(np.quantile(known, 0.99))) if known.size else (0.0, 1.0)
 
 
 def _depth_colours(depth_m: np.ndarray, span: tuple[float, float]) -> np.ndarray:
-    """(h, w, 3) uint8 BGR: near is yellow, far is dark blue, holes are black."""
+    """Colours (h, w, 3) uint8 BGR of depth: near is yellow, far is dark blue, holes are black."""
     near, far = span
     grey = (255 * (1 - (depth_m - near) / max(far - near, 1e-6)).clip(0, 1)).round().astype(np.uint8)
     colour = cv2.applyColorMap(grey, cv2.COLORMAP_VIRIDIS)
@@ -93,7 +94,7 @@ def _depth_colours(depth_m: np.ndarray, span: tuple[float, float]) -> np.ndarray
 
 
 SHOWN, SIDE = 10, 150
-"""frames at most, spread evenly, the last one among them; width of a tile in px"""
+"""maximum number of frames, spread evenly up to the last one; width of a tile in px"""
 ROWS = {"frames": (FRAME, ""), "motion that led to them": (FLOW, ""), "depth": (DEPTH_COLOUR, ""),
         "likeliest affordance": (FRAME, LIKELIEST), "affordance, confident": (FRAME, CONFIDENT), "attention": (ATTENTION, ""),
         "true affordance of the last frame": (FRAME, TRUTH)}  # fmt: skip
@@ -101,14 +102,14 @@ ROWS = {"frames": (FRAME, ""), "motion that led to them": (FLOW, ""), "depth": (
 
 
 def is_interaction(path: Path) -> bool:
-    """Whether a recording is of an interaction."""
+    """Return True for a recording of an interaction."""
     with path.open("rb") as stream:
         summary = make_reader(stream).get_summary()
     return summary is not None and any(channel.topic == ACTION for channel in summary.channels.values())
 
 
 def interaction_strips(path: Path) -> list[np.ndarray]:
-    """A line of words, then titles and strips."""
+    """Strips of the contact sheet with titles: frames, motion, depth, predictions, attention, truth."""
     every = list(moments(path))
     chosen = [every[int(k)] for k in np.linspace(0, len(every) - 1, min(SHOWN, len(every)))]
     strips = []
@@ -118,5 +119,5 @@ def interaction_strips(path: Path) -> list[np.ndarray]:
         if tiles:
             strip = np.concatenate(tiles, axis=1)
             strips += [title_row([title], max(strip.shape[1], 4 * SIDE), SIDE), strip]
-    said = " ".join(line.message for moment in every for line in moment.values.get(LOG, []))
-    return [title_row([f"{path.stem}   {said}"], 8 * SIDE, SIDE), *strips]
+    text = " ".join(line.message for moment in every for line in moment.values.get(LOG, []))
+    return [title_row([f"{path.stem}   {text}"], 8 * SIDE, SIDE), *strips]

@@ -1,7 +1,7 @@
-"""What a recording says, apart from how it lies on disk: channels, messages in time order, metadata, attachments.
+"""Recordings as data and as MCAP files: channels, messages in time order, metadata, attachments; write, read, merge.
 
-Log time = publish time = timestamp of the payload = media time since a fixed base, in ns: never the wall clock, so that the
-same clip gives the same recording every time.
+Log time = publish time = timestamp of the payload = media time since a fixed base, in ns. It is never the wall clock, so the same
+clip gives the same recording every time. Files have zstd chunks of 1 MiB, all indexes, all checksums and a fixed library string.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Message(NamedTuple):
 
 @dataclass(frozen=True)
 class Channel:
-    """A topic and how to read its payloads."""
+    """A topic and the schema of its payloads."""
 
     topic: str
     schema: str
@@ -51,7 +51,7 @@ class Channel:
 
 @dataclass(frozen=True)
 class Attachment:
-    """A file inside the recording."""
+    """A file inside a recording."""
 
     name: str
     media_type: str
@@ -60,7 +60,7 @@ class Attachment:
 
 @dataclass(frozen=True)
 class Recording:
-    """`messages` may be a generator: it can be walked once."""
+    """Content of a recording. `messages` may be a generator, to be iterated once."""
 
     channels: tuple[Channel, ...]
     messages: Iterable[Message]
@@ -69,7 +69,7 @@ class Recording:
 
 
 def in_order(messages: Iterable[Message]) -> Iterator[Message]:
-    """Messages of non-decreasing time, those of one time by topic; ValueError when time runs backwards."""
+    """Yield messages in time order, those of one time by topic; ValueError when time runs backwards."""
     last = 0
     for time_ns, group in groupby(messages, key=attrgetter("time_ns")):
         if time_ns < last:
@@ -79,7 +79,7 @@ def in_order(messages: Iterable[Message]) -> Iterator[Message]:
 
 
 LIBRARY = "afford"
-"""instead of the writer's own name and version, so that an upgrade does not change every recording"""
+"""replaces the writer's own name and version, so that an upgrade does not change every recording"""
 CHUNK_BYTES = 1 << 20
 ENCODING = "protobuf"
 
@@ -103,13 +103,13 @@ def as_tree(name: str, path: Path) -> FileTree:
 
 @contextmanager
 def open_recording(path: Path) -> Iterator[Recording]:
-    """A recording whose messages are read while they are used, every chunk checked against its CRC."""
+    """Open a recording; its messages are read lazily and every chunk is checked against its CRC."""
     with path.open("rb") as stream:
         yield read_recording(make_reader(stream, validate_crcs=True))
 
 
 def read_recording(reader: McapReader, topics: tuple[str, ...] | None = None) -> Recording:
-    """The content behind a reader, of some topics or of all."""
+    """Content behind a reader, of some topics or of all."""
     summary = reader.get_summary()
     if summary is None:
         raise ValueError("the recording has no summary: it was not finished; recover it with `rerun mcap convert --recover`")
@@ -139,7 +139,7 @@ def _write_content(writer: Writer, recording: Recording) -> None:
 
 
 def _register(writer: Writer, channels: tuple[Channel, ...]) -> dict[str, int]:
-    """Topic -> channel id; every schema once."""
+    """Register every schema once; returns the channel id of each topic."""
     definitions = {channel.schema: channel.definition for channel in channels}
     schemas = {name: writer.register_schema(name, ENCODING, data) for name, data in sorted(definitions.items())}
     return {c.topic: writer.register_channel(c.topic, ENCODING, schemas[c.schema], dict(c.metadata))
@@ -147,7 +147,10 @@ def _register(writer: Writer, channels: tuple[Channel, ...]) -> dict[str, int]:
 
 
 def merge_recordings(parts: Sequence[Path], path: Path, metadata: Mapping[str, Mapping[str, str]]) -> None:
-    """Write one recording out of several, with `metadata` added; ValueError when two of them use one name differently."""
+    """Merge recordings into one in time order and add `metadata`.
+
+    ValueError when two of them have one topic, or two definitions of one schema.
+    """
     with ExitStack() as stack:
         recordings = [stack.enter_context(open_recording(part)) for part in parts]
         messages = heapq.merge(*(r.messages for r in recordings), key=attrgetter("time_ns", "topic"))

@@ -1,4 +1,7 @@
-"""Our own protobuf messages, package affordance.v1, built from the tables below. Numbers to be plotted are flat doubles."""
+"""Topics and messages: channels, payloads stamped with media time, and our protobuf messages of package affordance.v1.
+
+Our messages are built from the table below. Values for plots are flat doubles.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +32,7 @@ TYPES = {
     "bool": FieldDescriptorProto.TYPE_BOOL,
 }
 PRESSING = (*FINGERS, "rest")
-"""what of a hand presses: fingers, and the rest of it"""
+"""sources of force: fingers, and the rest of the hand"""
 MESSAGES = {
     "FrameState": {"frame": "int64", "brightness": "double", "motion": "double"},
     "MaskState": {"frame": "int64", "confidence": "double", "area_px": "double", "visible": "bool", "key": "bool",
@@ -55,7 +58,7 @@ MESSAGES = {
     "GraspForce": {"step": "int64", **{f"{one}{what}_n": "double" for what in ("", "_negative") for one in PRESSING}},
     "ActionState": {"step": "int64", "said": "string", **dict.fromkeys(AFFORDANCES, "double")},
 }  # fmt: skip
-"""message -> field -> type, after the field `timestamp` that every message begins with"""
+"""message -> field -> type, after the field `timestamp`, the first of every message"""
 
 
 def _proto_file() -> FileDescriptorProto:
@@ -73,7 +76,7 @@ descriptor_pool.Default().AddSerializedFile(_proto_file().SerializeToString(dete
 
 
 def message_class(name: str) -> Any:
-    """The class of a message of `MESSAGES`."""
+    """Class of a message of `MESSAGES`."""
     return message_factory.GetMessageClass(descriptor_pool.Default().FindMessageTypeByName(f"{PACKAGE}.{name}"))
 
 
@@ -89,43 +92,43 @@ ActionState = message_class("ActionState")
 CAMERA = "camera"
 """frame_id of every image of a clip: optical centre of the camera, x right, y down, z forward"""
 PAPER = "paper"
-"""frame_id of plots and sheets, which no camera has seen"""
+"""frame_id of plots and sheets, which have no camera"""
 SECOND_NS = 10**9
 
 
 def channel(topic: str, message: Any, metadata: Mapping[str, object] | None = None) -> Channel:
-    """A channel of a protobuf class; metadata values that are not text are written as JSON."""
+    """Channel of a protobuf class; metadata values that are not strings are written as JSON."""
     definition = build_file_descriptor_set(message).SerializeToString(deterministic=True)
     texts = {k: v if isinstance(v, str) else json.dumps(v, sort_keys=True) for k, v in (metadata or {}).items()}
     return Channel(topic, message.DESCRIPTOR.full_name, definition, tuple(sorted(texts.items())))
 
 
 def image_channel(topic: str, **metadata: object) -> Channel:
-    """A channel of compressed images."""
+    """Channel of compressed images."""
     return channel(topic, CompressedImage, metadata)
 
 
 def stamped(topic: str, time_ns: int, message: Any) -> Message:
-    """A message with its timestamps set; time_ns counts from EPOCH_NS on, like log time."""
+    """Message with its timestamps set; time_ns counts from EPOCH_NS, like log time."""
     for timed in timed_parts(message):
         timed.timestamp.seconds, timed.timestamp.nanos = divmod(time_ns, SECOND_NS)
     return Message(time_ns, topic, message.SerializeToString(deterministic=True))
 
 
 def timed_parts(message: Any) -> list[Any]:
-    """What of a message has a timestamp: itself, or (SceneUpdate, FrameTransforms) the parts of its lists."""
+    """Parts of a message that have a timestamp: itself, or (SceneUpdate, FrameTransforms) the items of its lists."""
     if "timestamp" in message.DESCRIPTOR.fields_by_name:
         return [message]
     return [part for field in message.DESCRIPTOR.fields for part in getattr(message, field.name)]
 
 
 def image(topic: str, time_ns: int, data: bytes, kind: str = "png", frame_id: str = CAMERA) -> Message:
-    """A compressed image: `kind` is png or jpeg."""
+    """Compressed image; `kind` is png or jpeg."""
     return stamped(topic, time_ns, CompressedImage(frame_id=frame_id, data=data, format=kind))
 
 
 def log(topic: str, time_ns: int, text: str, name: str, level: str = "INFO") -> Message:
-    """A line of text that every viewer shows; `level` as in foxglove.Log."""
+    """Log line, which every viewer shows; `level` as in foxglove.Log."""
     return stamped(topic, time_ns, Log(level=Log.Level.Value(level), message=text, name=name))
 
 
@@ -139,7 +142,7 @@ def times_of(frame: np.ndarray, frames: Frames) -> list[int]:
 
 
 def slugs(entities: Iterable[Entity]) -> list[str]:
-    """Topic words of entities: lower case, '_' for what topics cannot hold; a number is added where two would be the same."""
+    """Topic words of entities: lower case, '_' for characters that topics cannot hold, a number for duplicates."""
     found: list[str] = []
     for entity in entities:
         base = re.sub(r"\W+", "_", entity.entity_id.lower()).strip("_") or "entity"
@@ -151,6 +154,6 @@ def slugs(entities: Iterable[Entity]) -> list[str]:
 
 
 def about(entity: Entity) -> dict[str, object]:
-    """What a mask topic says of its entity."""
+    """Metadata of a mask topic about its entity."""
     return {"entity_id": entity.entity_id, "name": entity.name, "class_id": str(entity.class_id), "role": entity.role,
             "side": entity.side, "classes": {"0": "background", "255": entity.entity_id}}  # fmt: skip

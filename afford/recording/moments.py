@@ -1,4 +1,4 @@
-"""Recordings as moments: everything that was said at one time, decoded."""
+"""Recordings as moments: all decoded messages of one time."""
 
 from __future__ import annotations
 
@@ -21,24 +21,24 @@ IMAGE_SCHEMA = "foxglove.CompressedImage"
 
 @dataclass(frozen=True)
 class Moment:
-    """One media time; a topic with several messages at that time keeps all of them."""
+    """Messages of one media time; a topic can have several."""
 
     time_ns: int
     """media time"""
     values: dict[str, list[Any]] = field(default_factory=dict)
 
     def one(self, topic: str) -> Any:
-        """The last message of a topic, None when it has none at this time."""
+        """Last message of a topic, None without any at this time."""
         return self.values[topic][-1] if topic in self.values else None
 
     def picture(self, topic: str) -> np.ndarray | None:
-        """(h, w), (h, w, 3) or (h, w, 4) uint8 in RGB order, None when the topic has no picture at this time."""
+        """Picture of a topic, (h, w), (h, w, 3) or (h, w, 4) uint8 in RGB order; None without any at this time."""
         found = self.one(topic)
         return None if found is None else decode(found.data)
 
 
 def decode(data: bytes) -> np.ndarray:
-    """The pixels of a JPEG or PNG, colours in RGB order; ValueError when they cannot be read."""
+    """Decode a JPEG or PNG to RGB order; ValueError for a damaged picture."""
     pixels = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     if pixels is None:
         raise ValueError("a picture of the recording cannot be decoded; `inspect --strict` says which")
@@ -48,7 +48,7 @@ def decode(data: bytes) -> np.ndarray:
 
 
 def moments(path: Path, topics: list[str] | None = None, times_ns: list[int] | None = None) -> Iterator[Moment]:
-    """Moments in time order: of some topics or all, at some media times or all."""
+    """Yield moments in time order: of some topics or all, at some media times or all."""
     with path.open("rb") as stream:
         reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
         instants = [None] if times_ns is None else [EPOCH_NS + t for t in sorted(times_ns)]
@@ -62,7 +62,7 @@ def moments(path: Path, topics: list[str] | None = None, times_ns: list[int] | N
 
 
 def tile_of(moment: Moment, picture: str, overlay: str, width: int = TILE_W, edges: bool = True) -> np.ndarray | None:
-    """One picture with its overlay, (h, width, 3); None when the moment does not have it. `edges`: drawn at full strength."""
+    """Picture with its overlay, (h, width, 3), None without a picture; `edges` draws the overlay's edges opaque."""
     image = moment.picture(picture)
     if image is None:
         return None
@@ -73,7 +73,7 @@ def tile_of(moment: Moment, picture: str, overlay: str, width: int = TILE_W, edg
 
 
 def _laid(image: np.ndarray, layer: np.ndarray, edges: bool) -> np.ndarray:
-    """Lay an RGBA overlay over a picture."""
+    """Blend an RGBA overlay over a picture."""
     alpha = layer[..., 3:].astype(np.float32) / 255
     mixed = (image * (1 - alpha) + layer[..., :3] * alpha).astype(np.uint8)
     if edges:

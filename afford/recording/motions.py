@@ -1,8 +1,7 @@
-"""Motions of people and what became of them -> /<stage>/..., the person's hand; /hand_retarget/..., the robot's.
+"""Recorder of human hand motions, /<stage>/..., and of their retargeting to a robot hand, /hand_retarget/...
 
-Clips follow each other, a second apart, each at its own rate. The person's keypoints hang on the frame `source`, the world of the
-recording; links of the robot hand hang on `world`, where `source` lies as retargeting has put it. Of a clip that was dropped only
-the person is shown.
+Clips follow each other, a second apart, each at its own rate. The person's keypoints are in the frame `source`, the world of the
+motion data; links of the robot hand are in `world`, where retargeting has placed `source`. A dropped clip shows the person only.
 """
 
 from __future__ import annotations
@@ -30,19 +29,19 @@ RETARGETED = "/hand_retarget"
 IMAGE, TRANSFORMS, SCENE, LOG = f"{RETARGETED}/image", f"{RETARGETED}/transforms", f"{RETARGETED}/scene", f"{RETARGETED}/log"
 ERROR, BONES = f"{RETARGETED}/error_mm", f"{RETARGETED}/bone_error_deg"
 SOURCE = "source"
-"""frame_id of what a person did: the world of the recording"""
+"""frame_id of the person's motion: the world of the motion data"""
 GAP_NS = SECOND_NS
 
 
 class MotionClip(NamedTuple):
-    """A motion, and what became of it."""
+    """A motion and its retargeting."""
 
     motion: HandMotion
     fitted: Retargeted
 
 
 def record_motions(stage: str, clips: Sequence[MotionClip], studio: MotionRenderer, pictures_hz: float) -> Recording:
-    """The clips in their order; `stage` read or made the motions, `pictures_hz` is the rate of pictures at most."""
+    """Record the clips in their order; `stage` produced the motions, `pictures_hz` is the maximum rate of pictures."""
     kinds = {TRANSFORMS: FrameTransforms, SCENE: SceneUpdate, LOG: Log, ERROR: Scalar, BONES: Scalar,
              f"/{stage}/keypoints": PointCloud, f"/{stage}/bones": SceneUpdate, f"/{stage}/log": Log}  # fmt: skip
     if any(len(clip.motion.object_pose) for clip in clips):
@@ -64,7 +63,7 @@ def _messages(stage: str, clips: Sequence[MotionClip], studio: MotionRenderer, p
 
 
 def _links(hand: HandModel) -> Message:
-    """The meshes of links, which do not change."""
+    """Meshes of the rigid links."""
     colour = hand_colour(hand)
     return scene(SCENE, EPOCH_NS, [
         entity(_frame(hand, mesh.link), _frame(hand, mesh.link), [triangles(mesh.vertices, mesh.faces, colour)])

@@ -1,4 +1,4 @@
-"""A trained scorer of parts -> its curves, then what it says of candidates, as in a recording of a training."""
+"""Recorder of a trained part scorer: its curves, then its scores of candidates."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from schemas.training import TrainingLog
 
 
 def record_scorer(curves: TrainingLog, stage: str, model: PartScorer, judged: Sequence[PartLessons], count: int) -> Recording:
-    """The recording of the training `stage`; a sheet for each of at most `count` objects, a second apart, follows its last step."""
+    """Record the training of the stage `stage`, then a sheet for each of at most `count` objects, a second apart."""
     chosen = dict.fromkeys(np.linspace(0, len(judged) - 1, min(count, len(judged))).round().astype(int).tolist())
     return record_training(curves, stage, _sheets(curves, model, [judged[n] for n in chosen]))
 

@@ -1,4 +1,4 @@
-"""Where a recording comes from, as metadata: names, content digests and parameters, never a clock or a place."""
+"""Provenance of a recording as metadata: names, content digests and parameters, never a clock or a path."""
 
 from __future__ import annotations
 
@@ -16,19 +16,20 @@ from schemas.surface import NegativeAffordances
 from schemas.video import Clip, Frames
 
 Parameters = tuple[tuple[str, str], ...]
-"""(stage, its parameters as a JSON object), for every stage that a recording shows"""
+"""(stage, its parameters as a JSON object) for every stage that a recording shows"""
 
 
 def with_parameters(recording: Recording, parameters: Parameters) -> Recording:
-    """The recording with a metadata record `parameters/<stage>` for each of them: a parameter and its value as JSON."""
+    """Add a metadata record `parameters/<stage>` for each stage: parameter -> value as JSON."""
     more = {f"parameters/{stage}": {name: json.dumps(value, sort_keys=True) for name, value in json.loads(text).items()}
             for stage, text in parameters}  # fmt: skip
     return replace(recording, metadata={**recording.metadata, **more})
 
 
 def of_value(recording: Recording, stage: str, value: Any, one_of: str = "") -> Recording:
-    """The recording with a metadata record `provenance/<stage>` about a named value that it shows; `provenance/<stage>/<one_of>`
-    where it shows several of them.
+    """Add a metadata record `provenance/<stage>` about a named value.
+
+    The name is `provenance/<stage>/<one_of>` when the recording shows several values of a stage.
     """
     kind = kind_of(value)
     record = {"stage": stage, "name": value.name, "schema": kind, "schema_version": schema_version(kind),
@@ -38,7 +39,7 @@ def of_value(recording: Recording, stage: str, value: Any, one_of: str = "") -> 
 
 
 def with_provenance(recording: Recording, stage: str, value: Any, frames: Frames) -> Recording:
-    """The recording with a metadata record `provenance/<stage>`; `artifact` is what `pipeline.py lineage` takes."""
+    """Add a metadata record `provenance/<stage>`; `pipeline.py lineage` takes its `artifact`."""
     kind = kind_of(value)
     record = {"stage": stage, "clip_id": value.clip_id, "schema": kind, "schema_version": schema_version(kind),
               "artifact": digest(value), "frames": digest(frames)}  # fmt: skip
@@ -46,7 +47,7 @@ def with_provenance(recording: Recording, stage: str, value: Any, frames: Frames
 
 
 def of_files(recording: Recording, stage: str, files: FileTree) -> Recording:
-    """The recording with a metadata record `provenance/<stage>` about the files that it shows."""
+    """Add a metadata record `provenance/<stage>` about a tree of files."""
     kind = kind_of(files)
     record = {"stage": stage, "files": files.name, "schema": kind, "schema_version": schema_version(kind),
               "artifact": digest(files)}  # fmt: skip
@@ -54,7 +55,7 @@ def of_files(recording: Recording, stage: str, files: FileTree) -> Recording:
 
 
 def of_object(recording: Recording, views: ObjectViews, found: NegativeAffordances) -> Recording:
-    """The recording with a metadata record `provenance/<stage>` of each value that it shows."""
+    """Add a metadata record `provenance/<stage>` of each value of an object's recording."""
     more = {}
     for stage, value in (("view_render", views), ("negative_affordance_projection", found)):
         kind = kind_of(value)
@@ -74,5 +75,5 @@ def of_clip(clip: Clip) -> dict[str, dict[str, str]]:
 
 
 def of_grasps(recording: Recording, episodes: GraspEpisodes, hand: HandModel) -> Recording:
-    """The recording with a metadata record `provenance/<stage>` of each value that it shows."""
+    """Add a metadata record `provenance/<stage>` of each value of a recording of grasps."""
     return of_value(of_value(recording, "grasp_evaluate", episodes), "hand_model", hand)

@@ -1,4 +1,4 @@
-"""Grasps in Rerun: hand and object as meshes in a room, what the camera sees, and how distance, height and forces go."""
+"""Grasps in Rerun: hand and object as meshes in 3-D, the camera picture, and curves of distance, height and forces."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ POINT_M = 0.0015
 
 
 def grasp_blueprint() -> rrb.Blueprint:
-    """The room, beside it the camera's picture, curves and words."""
+    """Layout of grasps: 3-D view next to the camera picture, curves and text."""
     beside = rrb.Vertical(
         rrb.Spatial2DView(origin=EYE, name="camera"),
         rrb.TimeSeriesView(origin="/plots/how", name="object: to its goal and above the table, m"),
@@ -38,7 +38,7 @@ def grasp_blueprint() -> rrb.Blueprint:
 
 
 def log_grasps(path: Path, stream: rr.RecordingStream) -> None:
-    """Everything, moment by moment, on the recording's own clock."""
+    """Log every moment of the grasps on the recording's own clock."""
     stream.log(WORLD, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     for moment in moments(path):
         stream.set_time("media_time", duration=moment.time_ns / 1e9)
@@ -65,7 +65,7 @@ def _space(moment: Moment, stream: rr.RecordingStream) -> None:
 
 
 def _entity(entity: Any, stream: rr.RecordingStream) -> None:
-    """Its triangles as one mesh of flat faces, its lines."""
+    """Log the triangles of an entity as one mesh of flat faces, and its lines."""
     place = f"{WORLD}/{entity.id}" if entity.frame_id == WORLD else f"{WORLD}/{entity.frame_id}"
     if entity.triangles:
         corners = np.concatenate([_corners(one) for one in entity.triangles])
@@ -80,7 +80,7 @@ def _entity(entity: Any, stream: rr.RecordingStream) -> None:
 
 
 def _corners(one: Any) -> np.ndarray:
-    """(3 f, 3) of each triangle in turn."""
+    """Corners (3 f, 3) of all triangles in turn."""
     found: np.ndarray = np.array([(p.x, p.y, p.z) for p in one.points])[list(one.indices)]
     return found
 
@@ -99,7 +99,7 @@ def _camera(moment: Moment, stream: rr.RecordingStream) -> None:
 
 
 def _numbers(moment: Moment) -> Iterator[tuple[str, float]]:
-    """Curves: name, value."""
+    """Name and value of each curve."""
     state, force = moment.one(STATE), moment.one(FORCE)
     if state is not None:
         yield from ((f"{group}/{name}", getattr(state, name))

@@ -1,4 +1,4 @@
-"""Recordings in Rerun with a layout made for them: pictures above with named masks over them, words and curves below."""
+"""Recordings in Rerun with a layout for each kind: clips and interactions here, grasps in rerun_grasps.py."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ MASKS = {
     "objects/masks": COMPLETION_OVERLAY,
     "affordance/masks": f"{AFFORDANCE}/overlay",
 }
-"""where masks are drawn -> the overlay topic whose palette names them"""
+"""entity path of masks -> overlay topic whose palette names them"""
 
 
 def save(path: Path, out: Path) -> None:
-    """Write an .rrd that carries its layout."""
+    """Write an .rrd with its layout."""
     out.parent.mkdir(parents=True, exist_ok=True)
     stream, (layout, log) = _stream(path), _made_for(path)
     stream.save(out, default_blueprint=layout())
@@ -41,7 +41,7 @@ def save(path: Path, out: Path) -> None:
 
 
 def show(path: Path, program: str) -> None:
-    """Open the viewer, by the path of its program, and send it the recording."""
+    """Start the viewer program and send it the recording."""
     stream, (layout, log) = _stream(path), _made_for(path)
     rr.spawn(executable_path=program, default_blueprint=layout(), recording=stream)
     log(path, stream)
@@ -49,7 +49,7 @@ def show(path: Path, program: str) -> None:
 
 
 def _made_for(path: Path) -> tuple[Callable[[], rrb.Blueprint], Callable[[Path, rr.RecordingStream], None]]:
-    """Layout and contents of a clip, of grasps, or of an interaction."""
+    """Layout and logging function of a clip, of grasps, or of an interaction."""
     if is_interaction(path):
         return interaction_blueprint, log_interaction
     return (grasp_blueprint, log_grasps) if is_grasp(path) else (_layout, _log)
@@ -101,7 +101,7 @@ def _log(path: Path, stream: rr.RecordingStream) -> None:
 
 
 def _palettes(path: Path) -> dict[str, dict[str, list[int]]]:
-    """Overlay topic -> word of each mask -> colour, in the order of drawing."""
+    """Overlay topic -> mask word -> colour, in drawing order."""
     with path.open("rb") as file:
         summary = make_reader(file).get_summary()
     channels = summary.channels.values() if summary else ()
@@ -121,7 +121,7 @@ def _log_pictures(moment: Moment, stream: rr.RecordingStream, named: dict[str, l
 
 
 def _labels(moment: Moment, overlay: str, words: list[str]) -> np.ndarray | None:
-    """(h, w) uint8, 1 + index of the mask on top, out of the mask topics beside an overlay; None when there are none."""
+    """Index + 1 of the topmost mask, (h, w) uint8, from the mask topics of an overlay; None without any."""
     room = overlay.rpartition("/")[0]
     labels: np.ndarray | None = None
     for n, word in enumerate(words, 1):
@@ -133,24 +133,24 @@ def _labels(moment: Moment, overlay: str, words: list[str]) -> np.ndarray | None
 
 
 def _task(moment: Moment, stream: rr.RecordingStream) -> None:
-    state, said = moment.one(AFFORDANCE_STATE), moment.values.get(NARRATION, [])
+    state, narrations = moment.one(AFFORDANCE_STATE), moment.values.get(NARRATION, [])
     if state is not None:
-        stream.log("task", rr.TextDocument(_markdown(state, said), media_type=rr.MediaType.MARKDOWN))
+        stream.log("task", rr.TextDocument(_markdown(state, narrations), media_type=rr.MediaType.MARKDOWN))
     for line in moment.values.get(NARRATION_LOG, []):
         stream.log("log", rr.TextLog(line.message))
 
 
-def _markdown(state: Any, said: list[Any]) -> str:
-    title = " / ".join(n.text for n in said) or "(no narration)"
+def _markdown(state: Any, narrations: list[Any]) -> str:
+    title = " / ".join(n.text for n in narrations) or "(no narration)"
     verdict = f"accepted, quality {state.quality:.2f}" if state.accepted else f"no sample: {state.rejection}"
-    rows = {"verb, noun": "; ".join(f"{n.verb}, {n.noun}" for n in said), "hands": state.taxonomy,
+    rows = {"verb, noun": "; ".join(f"{n.verb}, {n.noun}" for n in narrations), "hands": state.taxonomy,
             "left hand": state.left_object or "nothing", "right hand": state.right_object or "nothing",
             "sample": verdict}  # fmt: skip
     return f"## {title}\n\n" + "\n".join(f"- **{key}** {text.replace('_', ' ')}" for key, text in rows.items())
 
 
 def _numbers(moment: Moment) -> Iterator[tuple[str, float]]:
-    """Curves: confidence of what is in sight, quality of samples, confidence of inpainting."""
+    """Curves of a moment: confidence of visible masks, quality of samples, confidence of inpainting."""
     for topic, values in moment.values.items():
         if topic.startswith(TRACKS) and topic.endswith("/state") and values[-1].visible:
             yield f"confidence/{topic.split('/')[2]}", values[-1].confidence
@@ -160,14 +160,14 @@ def _numbers(moment: Moment) -> Iterator[tuple[str, float]]:
             yield f"sample/{name}", getattr(state, attribute)
 
 
-PLACES = {"said": LIKELIEST, "confident": CONFIDENT, "truth": TRUTH}
-"""view -> the overlay that is drawn on the frame there"""
+PLACES = {"likeliest": LIKELIEST, "confident": CONFIDENT, "truth": TRUTH}
+"""view -> overlay drawn on its frame"""
 MM_PER_M = 1000.0
 
 
 def interaction_blueprint() -> rrb.Blueprint:
-    """Pictures beside curves and words."""
-    views = {"frame": "frame", "motion": "motion that led to it", "depth": "depth", "said": "likeliest affordance",
+    """Layout of an interaction: pictures next to curves and text."""
+    views = {"frame": "frame", "motion": "motion that led to it", "depth": "depth", "likeliest": "likeliest affordance",
              "confident": "affordance, confident", "attention": "attention", "truth": "truth of the last frame"}  # fmt: skip
     pictures = rrb.Grid(*(rrb.Spatial2DView(origin=f"/{place}", name=name) for place, name in views.items()), grid_columns=3)
     curves = rrb.TimeSeriesView(origin="/action", name="probability of each action", axis_y=rrb.ScalarAxis(range=(0, 1)))
@@ -176,7 +176,7 @@ def interaction_blueprint() -> rrb.Blueprint:
 
 
 def log_interaction(path: Path, stream: rr.RecordingStream) -> None:
-    """Everything, moment by moment, on the recording's own clock."""
+    """Log every moment of an interaction on the recording's own clock."""
     for name in AFFORDANCES:
         stream.log(f"action/{name}", rr.SeriesLines(colors=[COLOURS[name]], names=[name]), static=True)
     for moment in moments(path):

@@ -1,4 +1,4 @@
-"""What a run wrote for people (a data set, a report) -> its JSON, its words and its pictures below /<stage>."""
+"""Recorder of a run's files (a data set, a report): JSON, Markdown and pictures below /<stage>."""
 
 from __future__ import annotations
 
@@ -15,17 +15,20 @@ from schemas.files import FileRef, FileTree
 PICTURES = {".png": "png", ".jpg": "jpeg", ".jpeg": "jpeg"}
 TEXTS = {".json": "application/json", ".md": "text/markdown"}
 STEP_NS = 1_000_000
-"""files have no media time: those of one kind come at steps of a millisecond"""
+"""files have no media time: log lines are a millisecond apart"""
 
 
 def record_files(value: FileTree, stage: str) -> Recording:
-    """One topic per picture and per JSON or Markdown file, the sentences of Markdown as a log; all other files are left out."""
+    """Record one topic per picture and per JSON or Markdown file, and the Markdown's paragraphs as a log.
+
+    Other files are left out. ValueError when no file can be recorded.
+    """
     texts = [file for file in value.files if _suffix(file) in TEXTS]
     pictures = [file for file in value.files if _suffix(file) in PICTURES]
     channels: list[Channel] = [channel(_topic(stage, file), Document) for file in texts]
     channels += [image_channel(_topic(stage, file)) for file in pictures]
     if not channels:
-        raise ValueError(f"{value.name}: expected JSON, Markdown or pictures to record, got none among {len(value.files)} files")
+        raise ValueError(f"{value.name}: none of {len(value.files)} files is JSON, Markdown or a picture to record")
     messages = [_text(stage, file) for file in texts] + [_picture(stage, file) for file in pictures]
     return Recording((*channels, channel(f"/{stage}/log", Log)), [*messages, *_log(stage, texts)])
 
@@ -40,7 +43,7 @@ def _picture(stage: str, file: FileRef) -> Message:
 
 
 def _log(stage: str, texts: list[FileRef]) -> Iterator[Message]:
-    """The paragraphs and tables of the Markdown files, for viewers that show no documents; the first comes with the files."""
+    """Paragraphs and tables of the Markdown files, for viewers without documents; the first has the time of the files."""
     parts = [(file.name, part) for file in texts if _suffix(file) == ".md"
              for part in re.split(r"\n\s*\n", file.path.read_text(encoding="utf-8")) if part.strip()]  # fmt: skip
     for n, (name, part) in enumerate(parts):
@@ -48,7 +51,7 @@ def _log(stage: str, texts: list[FileRef]) -> Iterator[Message]:
 
 
 def _topic(stage: str, file: FileRef) -> str:
-    """/<stage>/<name without its ending>, in letters that topics may have."""
+    """/<stage>/<file name without suffix>, in characters that topics allow."""
     return f"/{stage}/" + re.sub(r"[^\w/]+", "_", str(PurePosixPath(file.name).with_suffix(""))).lower()
 
 

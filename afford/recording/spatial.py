@@ -1,4 +1,4 @@
-"""Things in space as foxglove's messages: poses, transforms, triangles, lines, coloured points. Metres; quaternions x, y, z, w."""
+"""Spatial messages of Foxglove: poses, transforms, triangles, lines, coloured points. Metres; quaternions x, y, z, w."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ from afford.recording.mcap_files import Message
 from afford.recording.messages import stamped
 
 WORLD = "world"
-"""frame_id that everything hangs on: z up, table top at 0"""
+"""frame_id of the root frame: z up, table top at 0"""
 POINT = np.dtype([("xyz", "<f4", 3), ("rgba", "u1", 4)])
-"""a point of a cloud"""
+"""dtype of a point of a cloud"""
 LINE_M = 0.002
 
 
 def transforms(topic: str, time_ns: int, T: dict[str, np.ndarray], parent: str = WORLD) -> Message:
-    """Where frames are: child frame -> (4, 4) T_parent_child."""
+    """Frame transforms: child frame -> (4, 4) T_parent_child."""
     found = [FrameTransform(parent_frame_id=parent, child_frame_id=child) for child in T]
     for message, matrix in zip(found, T.values(), strict=True):
         _put(message.translation, message.rotation, pose_of(matrix))
@@ -39,19 +39,19 @@ def transforms(topic: str, time_ns: int, T: dict[str, np.ndarray], parent: str =
 
 
 def pose(topic: str, time_ns: int, where: np.ndarray, frame: str = WORLD) -> Message:
-    """(7,) a pose."""
+    """Pose message of (7,) position and quaternion."""
     message = PoseInFrame(frame_id=frame)
     _put(message.pose.position, message.pose.orientation, where)
     return stamped(topic, time_ns, message)
 
 
 def pose_of(T: np.ndarray) -> np.ndarray:
-    """(4, 4) -> (7,): x y z, quaternion x y z w."""
+    """Pose (7,) x y z, quaternion x y z w of a matrix (4, 4)."""
     return np.concatenate([T[:3, 3], Rotation.from_matrix(T[:3, :3]).as_quat()])
 
 
 def triangles(vertices: np.ndarray, faces: np.ndarray, colour: Colour) -> TriangleListPrimitive:
-    """A mesh of one colour."""
+    """Mesh of one colour."""
     out = TriangleListPrimitive(color=_colour(colour), indices=faces.reshape(-1).tolist())
     out.pose.orientation.w = 1.0
     for x, y, z in vertices.tolist():

@@ -1,6 +1,4 @@
-"""The contact sheet of a recording with pictures of its own: a strip for each topic of pictures, moments spread evenly, and, of a
-training, its curves.
-"""
+"""Strips of the contact sheet for objects, grasps, and recordings with pictures or curves of their own."""
 
 from __future__ import annotations
 
@@ -17,14 +15,14 @@ from afford.recording.moments import IMAGE_SCHEMA, Moment, moments, tile_of
 from afford.recording.objects import CANDIDATES, NEGATIVE, POSITIVE, VIEW
 
 PICTURES, PICTURE_TOPICS = 4, 6
-"""moments of a topic, topics at most"""
+"""pictures of a topic, maximum number of topics"""
 SCALAR = "affordance.v1.Scalar"
 PLOT_H, CURVES, MARGIN = 150, 12, 22
 LINE = (86, 180, 233)
 
 
 def picture_strips(path: Path) -> list[np.ndarray]:
-    """A line of words and a strip of pictures for each topic, then curves; [] for a recording with neither."""
+    """Title and strip of pictures for each topic, then curves; [] for a recording with neither."""
     kinds = _kinds(path)
     strips: list[np.ndarray] = []
     for topic in sorted(topic for topic, kind in kinds.items() if kind == IMAGE_SCHEMA)[:PICTURE_TOPICS]:
@@ -41,7 +39,7 @@ def picture_strips(path: Path) -> list[np.ndarray]:
 
 
 def _row(tiles: list[np.ndarray]) -> np.ndarray:
-    """Tiles side by side, each on a ground as high as the highest."""
+    """Tiles side by side, padded to the height of the tallest."""
     height = max(tile.shape[0] for tile in tiles)
     padded = []
     for tile in tiles:
@@ -64,7 +62,7 @@ def _point(moment: Moment, topic: str) -> tuple[float, float]:
 
 
 def _plot(topic: str, points: np.ndarray) -> np.ndarray:
-    """(PLOT_H, TILE_W, 3) uint8: a curve over media time, between its smallest and its largest value."""
+    """Plot of a curve over media time between its minimum and maximum, (PLOT_H, TILE_W, 3) uint8."""
     page = Image.new("RGB", (TILE_W, PLOT_H), TILE_BACKGROUND)
     draw, letters = ImageDraw.Draw(page), ImageFont.load_default(12)
     points = points[np.isfinite(points).all(1)]
@@ -80,7 +78,7 @@ def _plot(topic: str, points: np.ndarray) -> np.ndarray:
 
 
 def _kinds(path: Path) -> dict[str, str]:
-    """Topic -> schema of its messages, of topics that have any."""
+    """Schema of every topic that has messages."""
     with path.open("rb") as stream:
         summary = make_reader(stream).get_summary()
     if summary is None or summary.statistics is None:
@@ -90,18 +88,18 @@ def _kinds(path: Path) -> dict[str, str]:
 
 
 OBJECT_VIEWS, OBJECT_SIDE, OBJECT_TASKS = 6, 190, 4
-"""views, width of a tile in px, tasks at most"""
+"""views, width of a tile in px, maximum number of tasks"""
 TITLES = {NEGATIVE: "not to be touched", POSITIVE: "to be touched"}
-"""first word of topics -> what is shown there"""
+"""first word of topics -> title of their strips"""
 
 
 def is_object(path: Path) -> bool:
-    """Whether a recording is of an object and not of a clip."""
+    """Return True for a recording of an object."""
     return VIEW in _topics(path)
 
 
 def object_strips(path: Path) -> list[np.ndarray]:
-    """A line of titles, then for views, candidates and each task a strip of six views."""
+    """Six views of an object, then its candidates and the negative or positive affordance of each task, with titles."""
     shown = list(moments(path))[:OBJECT_VIEWS]
     there = _topics(path)
     tasks = sorted(topic for topic in there if _first_word(topic) in TITLES and topic.endswith("/overlay"))[:OBJECT_TASKS]
@@ -117,7 +115,7 @@ def object_strips(path: Path) -> list[np.ndarray]:
 
 
 def _task_title(topic: str) -> str:
-    """/negative_affordance/0_cut_bread/overlay -> not to be touched: cut bread."""
+    """Title of a task's overlay topic: /negative_affordance/0_cut_bread/overlay -> not to be touched: cut bread."""
     return f"{TITLES[_first_word(topic)]}: " + topic.split("/")[2].partition("_")[2].replace("_", " ")
 
 
@@ -132,18 +130,18 @@ def _topics(path: Path) -> set[str]:
 
 
 GRASP_MOMENTS, GRASP_SIDE, GRASP_EPISODES = 6, 220, 8
-"""moments of an episode, width of a tile in px, episodes at most"""
+"""moments of an episode, width of a tile in px, maximum number of episodes"""
 
 
 def is_grasp(path: Path) -> bool:
-    """Whether a recording is of grasps."""
+    """Return True for a recording of grasps."""
     with path.open("rb") as stream:
         summary = make_reader(stream).get_summary()
     return summary is not None and any(channel.topic == IMAGE for channel in summary.channels.values())
 
 
 def grasp_strips(path: Path) -> list[np.ndarray]:
-    """A line of words and a strip of pictures for each episode."""
+    """Title and strip of pictures for each episode, with its outcome."""
     strips = []
     for episode in _episodes(path)[:GRASP_EPISODES]:
         chosen = [episode[int(k)] for k in np.linspace(0, len(episode) - 1, GRASP_MOMENTS)]
@@ -154,7 +152,7 @@ def grasp_strips(path: Path) -> list[np.ndarray]:
 
 
 def _episodes(path: Path) -> list[list[Moment]]:
-    """Each begins with what is said of it."""
+    """Moments of each episode; an episode begins with its log line."""
     found: list[list[Moment]] = []
     for moment in moments(path, [IMAGE, LOG, STATE]):
         if moment.one(LOG) is not None:

@@ -1,4 +1,4 @@
-"""What a recording holds, from its indexes alone: a gigabyte is summarised without reading a picture."""
+"""Summary of a recording from its indexes alone: a gigabyte is summarised without reading a picture."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from afford.recording.check_file import MAGIC
 from afford.recording.mcap_files import EPOCH_NS
 
 RECORD_HEAD, MESSAGE_HEAD = 9, 31
-"""bytes of opcode and length; of those and the fixed fields of a message"""
+"""bytes of opcode and length of a record; of these and the fixed fields of a message"""
 SECOND_NS = 10**9
 RECOVER = "`rerun mcap convert --recover` saves what is there"
 
 
 @dataclass(frozen=True)
 class Topic:
-    """One topic; times are media time."""
+    """Summary of one topic; times are media time."""
 
     topic: str
     schema: str
@@ -41,7 +41,7 @@ class Topic:
 
 @dataclass(frozen=True)
 class Summary:
-    """A recording at a glance; `problem` is '' for one that could be read."""
+    """Summary of a recording; `problem` is '' for a readable one."""
 
     path: str
     bytes: int
@@ -57,7 +57,7 @@ class Summary:
 
 
 def summarise(path: Path) -> Summary:
-    """Read the indexes of a file; a file that is no finished recording gives a Summary that says so."""
+    """Read the indexes of a file; an unfinished or damaged recording gives a Summary with a problem."""
     size = path.stat().st_size
     try:
         with path.open("rb") as stream:
@@ -68,7 +68,7 @@ def summarise(path: Path) -> Summary:
 
 
 def _ends(stream: IO[bytes], size: int) -> str:
-    """What the first and last bytes say against a finished MCAP file, '' for nothing."""
+    """Check the first and last bytes of a file; '' for those of a finished MCAP file."""
     if size < 2 * len(MAGIC):
         return f"too short for an MCAP file: {size} bytes"
     if stream.read(len(MAGIC)) != MAGIC:
@@ -113,7 +113,7 @@ def _problem(topics: tuple[Topic, ...], total: McapStatistics, metadata: dict[st
 
 
 def _messages(stream: IO[bytes], chunks: list[ChunkIndex]) -> tuple[dict[int, list[int]], dict[int, int]]:
-    """Channel -> log times in file order, and bytes of payload, out of the message indexes behind each chunk."""
+    """Log times in file order and payload bytes of each channel, from the message indexes behind each chunk."""
     times: dict[int, list[int]] = defaultdict(list)
     lengths: dict[int, int] = defaultdict(int)
     for chunk in chunks:

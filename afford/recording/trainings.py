@@ -1,7 +1,8 @@
-"""TrainingLog and pictures -> /<stage>/<curve> as plottable numbers, /<stage>/preview sample frames, /<stage>/log how it ended.
+"""Recorder of trainings: curves as plottable numbers, previews as pictures, and the outcome as a log line.
 
-A training has no media time: log time is the fixed base of all recordings, a millisecond per step. What the trained model does
-afterwards, such as an episode of a policy, follows the last step at its own pace.
+TrainingLog and pictures -> /<stage>/<curve>, /<stage>/preview, /<stage>/log. A training has no media time: log time is the fixed
+base of all recordings plus a millisecond per step. Results of the trained model, such as an episode of a policy, follow the last
+step at their own rate.
 """
 
 from __future__ import annotations
@@ -22,17 +23,17 @@ PICTURE = re.compile(r"previews/step_(\d+)\.jpg")
 
 
 class Preview(NamedTuple):
-    """A sample frame, JPEG."""
+    """A picture of a training, JPEG."""
 
     time_ns: int
     """log time"""
     jpeg: bytes
     words: str = ""
-    """a line of the log that goes with it"""
+    """log line of the picture"""
 
 
 def record_training(curves: TrainingLog, stage: str, shown: Iterable[Preview]) -> Recording:
-    """One topic per curve (`train.total` is /<stage>/train/total), one for sample frames where there are any, and a log."""
+    """Record one topic per curve (`train.total` is /<stage>/train/total), one for pictures if any, and a log."""
     pictures = list(shown)
     channels = [channel(_topic(stage, curve.name), Scalar) for curve in curves.curves]
     channels += [channel(f"/{stage}/log", Log), *([image_channel(f"/{stage}/preview")] if pictures else [])]
@@ -40,7 +41,7 @@ def record_training(curves: TrainingLog, stage: str, shown: Iterable[Preview]) -
 
 
 def previews(files: FileTree) -> list[Preview]:
-    """The pictures that a training drew on its way, each at its step."""
+    """Pictures that a training wrote, each at its step."""
     found = [(int(step[1]), file) for file in files.files if (step := PICTURE.fullmatch(file.name))]
     return [Preview(step_time_ns(step), file.path.read_bytes()) for step, file in found]
 

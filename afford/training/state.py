@@ -25,7 +25,7 @@ METADATA = "words"
 
 @dataclass
 class TrainingState:
-    """Everything besides the task that a training needs to resume as if it had never been interrupted."""
+    """State of a training besides its task; a training that resumes from it ends as if it had never been interrupted."""
 
     step: int = 0
     """finished steps"""

@@ -1,1 +1,1 @@
-"""From image and task to a region for each hand: model, training, benchmark, prediction, demo."""
+"""Two-hand affordance models: training, prediction, benchmark and demo."""

@@ -1,4 +1,7 @@
-"""A predictor, pictures and a question in; predictions and what they cost out."""
+"""Inference on pictures and videos of a user: prompt the predictor in batches, and measure the time.
+
+A file that cannot be read, or a picture on which the model fails, is reported and skipped.
+"""
 
 from __future__ import annotations
 
@@ -16,29 +19,29 @@ from schemas.benchmark import Prediction
 
 @dataclass(frozen=True)
 class Question:
-    """What is asked of every picture."""
+    """Prompt for every picture."""
 
     task: str
     hands: str = "auto"
-    """auto: the taxonomy chooses; left, right, both: forced"""
+    """auto: selected by the taxonomy; left, right, both: forced"""
     threshold: float | None = None
     """probability above which a pixel belongs to a region; None is the model's own"""
 
 
 @dataclass(frozen=True)
 class Answer:
-    """What a model says of one picture."""
+    """Prediction for one picture, and its cost."""
 
     picture: Picture
     question: Question
     prediction: Prediction
     cpu_ms: float
-    """CPU time of all threads, from the picture in memory to probabilities at its own size; a batch's, shared out equally"""
+    """CPU time of all threads, from the picture in memory to probabilities at its own size; divided equally within a batch"""
     wall_ms: float
 
 
 def ask(predictor: Predictor, pictures: Sequence[Picture], question: Question) -> list[Answer]:
-    """One pass through the model for all pictures. ValueError for unknown hands."""
+    """Predict all pictures in one batch. ValueError for unknown hands."""
     wall, cpu = time.perf_counter(), time.process_time()
     found = predictor.predict_batch([p.rgb for p in pictures], [question.task] * len(pictures), question.hands)
     cpu_ms = 1000 * (time.process_time() - cpu) / len(pictures)
@@ -50,7 +53,7 @@ def ask(predictor: Predictor, pictures: Sequence[Picture], question: Question) -
 
 @dataclass(frozen=True)
 class Refused:
-    """A file that gave no picture, or no further one."""
+    """File that cannot be read, or a picture on which the model failed."""
 
     source: str
     message: str
@@ -58,7 +61,7 @@ class Refused:
 
 def answer_all(predictor: Predictor, sources: Sequence[Source], question: Question, every: int, batch: int
             ) -> Iterator[Answer | Refused]:  # fmt: skip
-    """In the order of the sources; refusals come as soon as they are met."""
+    """Predict the pictures of all sources in batches, in order; refusals are yielded at once."""
     waiting: list[Picture] = []
     for item in _read(sources, every):
         if isinstance(item, Refused):
@@ -66,27 +69,27 @@ def answer_all(predictor: Predictor, sources: Sequence[Source], question: Questi
             continue
         waiting.append(item)
         if len(waiting) == batch:
-            yield from _asked(predictor, waiting, question)
+            yield from _predict_batch(predictor, waiting, question)
             waiting = []
     if waiting:
-        yield from _asked(predictor, waiting, question)
+        yield from _predict_batch(predictor, waiting, question)
 
 
 def picture_count(source: Source, every: int) -> int:
-    """How many pictures a source is expected to give: 1 for an image, and for a video that cannot be read."""
+    """Expected number of pictures of a source; 1 for an image, or for a video that cannot be read."""
     try:
         return len(range(0, len(probe(source.path).pts), every)) if source.is_video else 1
     except (ValueError, OSError):
         return 1
 
 
-def _asked(predictor: Predictor, pictures: list[Picture], question: Question) -> list[Answer | Refused]:
-    """One answer for each. Where a batch fails, each of its pictures is asked alone, and those that fail again are refused."""
+def _predict_batch(predictor: Predictor, pictures: list[Picture], question: Question) -> list[Answer | Refused]:
+    """Predict a batch. When it fails, its pictures are predicted one by one, and those that fail again are refused."""
     try:
         return [*ask(predictor, pictures, question)]
     except Exception as error:
         if len(pictures) > 1:
-            return [item for picture in pictures for item in _asked(predictor, [picture], question)]
+            return [item for picture in pictures for item in _predict_batch(predictor, [picture], question)]
         return [_refused(pictures[0], error)]
 
 

@@ -1,4 +1,7 @@
-"""An answer in numbers and words: the JSON object beside the masks (docs/twohands/predict.md names every field)."""
+"""Files of predictions: one folder for each picture, with masks, an overlay and a JSON record (docs/twohands/predict.md).
+
+A folder is written under a temporary name, read back, and then renamed.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +29,7 @@ DIGITS = 6
 
 
 def record(answer: Answer, model: ModelFolder) -> dict[str, Any]:
-    """Everything about one answer that is not a picture, ready for JSON."""
+    """Record of one answer, ready for JSON: all but the pictures."""
     picture, prediction, question = answer.picture, answer.prediction, answer.question
     height, width = picture.rgb.shape[:2]
     video = {} if picture.frame is None else {"frame": picture.frame, "time_s": _round(picture.time_s or 0.0)}
@@ -45,7 +48,7 @@ def record(answer: Answer, model: ModelFolder) -> dict[str, Any]:
 
 
 def brief(answer: Answer, folder: str) -> dict[str, Any]:
-    """One line of the index of a call: where the record lies, and what it says in short."""
+    """Entry of an answer in the index of a call: its folder, taxonomy and scores."""
     picture, found = answer.picture, answer.prediction
     frame = {} if picture.frame is None else {"frame": picture.frame}
     scores = {side: _round(found.score[SIDES.index(side)].max()) for side in chosen(found)}
@@ -53,18 +56,18 @@ def brief(answer: Answer, folder: str) -> dict[str, Any]:
 
 
 def taxonomy(prediction: Prediction) -> dict[str, Any]:
-    """The likeliest class by name, and the probability of each."""
+    """Most probable class by name, and the probabilities of all classes."""
     likely = {name: _round(value) for name, value in zip(TAXONOMY, prediction.taxonomy, strict=True)}
     return {"label": TAXONOMY[int(prediction.taxonomy.argmax())], "probabilities": likely}
 
 
 def chosen(prediction: Prediction) -> list[str]:
-    """The hands that are returned, by name."""
+    """Names of the returned hands."""
     return [side for side, used in zip(SIDES, prediction.hands, strict=True) if used]
 
 
 def hand(prediction: Prediction, side: int) -> dict[str, Any]:
-    """One hand: whether it is returned, which hypothesis is the best, and all of them."""
+    """Record of one hand: its selection, its best hypothesis, and all hypotheses."""
     return {
         "selected": bool(prediction.hands[side]),
         "best": int(prediction.score[side].argmax()),
@@ -81,7 +84,7 @@ def _hypothesis(prediction: Prediction, side: int, n: int) -> dict[str, Any]:
 
 
 def _box(region: np.ndarray) -> list[int] | None:
-    """[left, top, right, bottom] in pixels, right and bottom not included; None for an empty region."""
+    """Bounding box [left, top, right, bottom] in pixels, right and bottom excluded; None for an empty region."""
     down, across = box(region)
     return [across.start, down.start, across.stop, down.stop] if region.any() else None
 
@@ -94,9 +97,9 @@ OVERLAY, INDEX, INDEX_FORMAT = "overlay.png", "predictions.json", "afford-predic
 
 
 def claim_folder(out: Path, force: bool) -> None:
-    """Make the folder of a call, or go on in one that an earlier call made. SourceError when others' files lie in it.
+    """Make the folder of a call, or reuse that of an earlier call. SourceError when it contains other files.
 
-    The index is written first, so that a call that was stopped left a folder that is known again.
+    The index is written first, so that the folder of an interrupted call is recognised.
     """
     own = (out / INDEX).is_file() and _format(out / INDEX) == INDEX_FORMAT
     if out.exists() and not out.is_dir():
@@ -110,16 +113,18 @@ def claim_folder(out: Path, force: bool) -> None:
 
 
 def write_index(out: Path, content: dict[str, Any]) -> None:
-    """predictions.json: what the last call was asked, and what came of every picture."""
+    """Write predictions.json: the prompt of the last call, and the result of every picture."""
     partial = out / f".{INDEX}.partial-{os.getpid()}"
     write_json(partial, {"format": INDEX_FORMAT, **content})
     os.replace(partial, out / INDEX)
 
 
 def write_prediction(answer: Answer, model: ModelFolder, out: Path, all_hypotheses: bool = False) -> Path:
-    """Write `<out>/<name of the picture>/` and return it: left.png, right.png (of the picture's size, 0 and 255), overlay.png,
-    prediction.json, and every hypothesis as hypotheses/<side>_<n>.png when asked. What was there before is replaced whole.
-    SourceError when something else lies there, OSError when a file does not hold what was written.
+    """Write the folder `<out>/<name of the picture>/` of an answer, and return it.
+
+    It contains left.png and right.png (of the picture's size, 0 and 255), overlay.png, prediction.json and, with `all_hypotheses`,
+    hypotheses/<side>_<n>.png. An earlier folder is replaced as a whole. SourceError when another folder has this name, OSError when
+    a file does not read back as written.
     """
     folder = out / answer.picture.name
     with replace_folder(folder) as partial:

@@ -29,7 +29,7 @@ STOPPED = (130, 143)
 
 
 def rows(plan: Plan) -> list[Row]:
-    """On copies of one finished store, or on a new one."""
+    """Run the tests on copies of one finished store, or on a new one."""
     clean = Tiny(plan.place("clean")).write()
     wrong = clean.run()
     if wrong:
@@ -64,10 +64,10 @@ def _stopped(plan: Plan, clean: Tiny, what: str) -> Row:
     time.sleep(random.Random(f"{plan.seed} {what}").uniform(0.5, 2.0))
     pids = toy.descendants(process.pid)
     send(process, WAYS[what])
-    _, said = process.communicate(timeout=60)
+    _, message = process.communicate(timeout=60)
     code = process.returncode if process.returncode >= 0 else 128 - process.returncode
     wrong = [] if code in STOPPED else [f"exit {code}"]
-    wrong += ["a traceback"] if "Traceback" in said else []
+    wrong += ["a traceback"] if "Traceback" in message else []
     left = toy.left_after(pids)
     toy.kill(left)
     wrong += [f"{len(left)} processes are left"] if left else []
@@ -78,7 +78,7 @@ def _stopped(plan: Plan, clean: Tiny, what: str) -> Row:
 
 
 def _full(plan: Plan, clean: Tiny) -> Row:
-    """With space for the compiled kernels and a little more."""
+    """Run with space for the compiled kernels and a little more."""
     row = Row("full disk: `run dataset` ends with one sentence; with more space it goes on")
     if reason := cannot_mount(plan.place("probe")):
         return skipped(row.what, reason)
@@ -89,10 +89,10 @@ def _full(plan: Plan, clean: Tiny) -> Row:
             used = ROOM - shutil.disk_usage(tiny.store).free // 1024
             remount(tiny.store, f"size={used + kib}k")
             process = tiny.start(jobs=2 * (n % 2))
-            _, said = process.communicate(timeout=END_S)
+            _, message = process.communicate(timeout=END_S)
             wrong = [] if process.returncode in (0, 1) else [f"exit {process.returncode}"]
-            wrong += [f"a traceback: {said.splitlines()[-1]}"] if "Traceback" in said else []
-            wrong += [] if process.returncode == 0 or "space" in said else [f"unclear: {said[-200:]}"]
+            wrong += [f"a traceback: {message.splitlines()[-1]}"] if "Traceback" in message else []
+            wrong += [] if process.returncode == 0 or "space" in message else [f"unclear: {message[-200:]}"]
             remount(tiny.store, f"size={ROOM}k")
             wrong += tiny.run() + ([] if tiny.published() == clean.published() else ["published files differ"])
         row.count([f"{kib} KiB free, jobs {2 * (n % 2)}: {what}" for what in wrong])
@@ -111,7 +111,7 @@ def _rotten(plan: Plan, clean: Tiny) -> Row:
 
 
 def _packed(tiny: Tiny, rng: random.Random) -> list[str]:
-    """What is wrong about a run whose consumer meets damage."""
+    """Return the faults of a run whose consumer meets damage."""
     from commands.origin import origin
     from commands.session import digester, open_runner
     from maps.settings import Settings
@@ -130,7 +130,7 @@ def _packed(tiny: Tiny, rng: random.Random) -> list[str]:
 
 
 def _kernels(plan: Plan, clean: Tiny) -> Row:
-    """Machine code and its index, one bit each."""
+    """Flip one bit each in machine code and in its index."""
     row = Row("one bit flipped in a compiled kernel (.nbc, .nbi): the next run and the one after are right")
     rng = random.Random(f"{plan.seed} kernels")
     tiny, backup, expected = clean.copy(plan.folder / "kernels"), plan.folder / "numba", clean.published()
@@ -140,8 +140,8 @@ def _kernels(plan: Plan, clean: Tiny) -> Row:
         shutil.copytree(backup, tiny.store / ".cache" / "numba")
         files = sorted(path for path in backup.rglob("*.nb?") if path.suffix == (".nbc", ".nbi")[n % 2])
         hit = rng.choice(files)
-        said = damage(tiny.store / ".cache" / "numba" / hit.relative_to(backup), "flip", rng)
+        message = damage(tiny.store / ".cache" / "numba" / hit.relative_to(backup), "flip", rng)
         wrong = tiny.run(*KERNELS, jobs=1)
         wrong += [f"run after it: {what}" for what in tiny.run(*KERNELS, jobs=1)] if wrong else []
-        row.count([f"{said}: {what}" for what in wrong + ([] if tiny.published() == expected else ["published files differ"])])
+        row.count([f"{message}: {what}" for what in wrong + ([] if tiny.published() == expected else ["published files differ"])])
     return row

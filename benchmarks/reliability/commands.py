@@ -18,7 +18,7 @@ END_S = 300.0
 
 @dataclass(frozen=True)
 class Tiny:
-    """A source, and a store beside it."""
+    """Source, and a store next to it."""
 
     folder: Path
 
@@ -38,7 +38,7 @@ class Tiny:
         return self
 
     def copy(self, folder: Path) -> Tiny:
-        """With its store; links stay links of one file."""
+        """Copy the source with its store; hard links stay links of one file."""
         shutil.rmtree(folder, ignore_errors=True)
         subprocess.run(["cp", "-a", str(self.folder), str(folder)], check=True)
         return Tiny(folder)
@@ -51,10 +51,10 @@ class Tiny:
                                 start_new_session=True)  # fmt: skip
 
     def run(self, *more: str, jobs: int = 2) -> list[str]:
-        """What is wrong about a run from beginning to end."""
+        """Return the faults of a complete run."""
         process = self.start(*more, jobs=jobs)
-        _, said = process.communicate(timeout=END_S)
-        return [] if process.returncode == 0 else [f"exit {process.returncode}: {_tail(said)}"]
+        _, message = process.communicate(timeout=END_S)
+        return [] if process.returncode == 0 else [f"exit {process.returncode}: {_tail(message)}"]
 
     def published(self) -> dict[str, str]:
         """Path below datasets/ and recordings/ -> digest of every file."""
@@ -67,5 +67,5 @@ class Tiny:
         return len(list((self.store / "traces").glob("??/[!.]*.json")))
 
 
-def _tail(said: str) -> str:
-    return " ".join(said.split())[-300:]
+def _tail(message: str) -> str:
+    return " ".join(message.split())[-300:]

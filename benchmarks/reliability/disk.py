@@ -41,10 +41,10 @@ TIMES = 20_000
 
 
 class LargeStore(FlippedStore):
-    """With outputs of 40 kB, so that the disk is full while one is written and has a little space again afterwards."""
+    """Store with outputs of 40 kB, so that the disk is full during a write and has a little space again afterwards."""
 
     def write(self) -> LargeStore:
-        """With one stage more."""
+        """Write the project with an additional stage."""
         super().write()
         (self.code / "toy" / "large.py").write_text(STAGE)
         return self
@@ -66,7 +66,7 @@ class LargeStore(FlippedStore):
 
 
 def rows(plan: Plan) -> list[Row]:
-    """On a file system of our own where this process may mount one; else with a limit of a file's size."""
+    """Run on a file system of our own where this process may mount one, else with a limit of the file size."""
     reason = cannot_mount(plan.place("probe"))
     if reason:
         return [skipped("full disk, no inodes, read-only store, on a small file system", reason), _limited(plan)]
@@ -80,7 +80,7 @@ def rows(plan: Plan) -> list[Row]:
 
 
 def cannot_mount(folder: Path) -> str:
-    """Why no file system can be mounted; '' where it can."""
+    """Return the reason why no file system can be mounted; '' where it can."""
     if os.geteuid():
         return "mounting a file system needs root"
     try:
@@ -111,13 +111,13 @@ def _mount(*words: str) -> None:
 
 
 def _sentence(ended: toy.Ended, needed: bool) -> list[str]:
-    """What is wrong with how a run on a bad disk ended."""
+    """Return the faults of a run that ended on a bad disk."""
     if ended.code == 0:
         return ["the run went well although it could not be"] if needed else []
-    said = [ended.said] if ended.code == 3 else ended.report.get("failures", [])
-    if "Traceback" in ended.said or not said:
-        return [f"exit {ended.code}: {(ended.said or 'nothing said').splitlines()[-1]}"]
-    odd = [line for line in said if "\n" in line.strip() or not any(word in line.lower() for word in WORDS)]
+    message = [ended.stderr] if ended.code == 3 else ended.report.get("failures", [])
+    if "Traceback" in ended.stderr or not message:
+        return [f"exit {ended.code}: {(ended.stderr or 'no message').splitlines()[-1]}"]
+    odd = [line for line in message if "\n" in line.strip() or not any(word in line.lower() for word in WORDS)]
     return [f"exit {ended.code}, unclear: {odd[0]}"] if odd else []
 
 

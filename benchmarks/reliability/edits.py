@@ -69,7 +69,7 @@ def _real_edit(plan: Plan) -> Row:
         project, process = _during(plan, f"edit-{n}")
         project.edit(MARKS[0])
         ended = toy.end(process)
-        wrong = [] if ended.code in (0, 1) else [f"exit {ended.code}: {ended.said[-200:]}"]
+        wrong = [] if ended.code in (0, 1) else [f"exit {ended.code}: {ended.stderr[-200:]}"]
         for mark in MARKS:
             project.edit(mark)
             wrong += [f"{mark}: {what}" for what in toy.wrong_end(project, toy.run(project), mark)]
@@ -114,7 +114,7 @@ def _edited_run(project: FlippedStore, nth: int) -> None:
 
 
 def _same_second(plan: Plan, jobs: int) -> Row:
-    """As a script does that tries one value after another."""
+    """Edit within one second, like a script that tries one value after another."""
     row = Row(f"a constant of a helper edited to another of the same length within a second of the last run, jobs {jobs}")
     for n in range(plan.times(3, 1)):
         project = FlippedStore(plan.place(f"second-{jobs}-{n}"), ("ab",)).write()
@@ -143,7 +143,7 @@ def _undone(plan: Plan) -> Row:
 
 
 def _gc_after_undo(project: FlippedStore) -> int:
-    """How many tasks a plan would make after gc."""
+    """Return the number of tasks that a plan would run after gc."""
     project.run(1)
     open_, graph = project.runner(1), project.graph(project.runner(1))
     for mark in MARKS:

@@ -11,8 +11,8 @@ from tests.helpers.flipped_stores import DAMAGES, FORMER, KINDS, STORED, built, 
 
 def rows(plan: Plan) -> list[Row]:
     """One bit flipped, the modification time kept; then everything else that can happen to a file."""
-    flips = [_row(plan, f"one bit flipped, mtime kept: {kind}{said}", kind, ["flip"] * plan.times(20, 2), cache, first)
-             for kind in KINDS for said, cache, first in _ways(kind)]
+    flips = [_row(plan, f"one bit flipped, mtime kept: {kind}{message}", kind, ["flip"] * plan.times(20, 2), cache, first)
+             for kind in KINDS for message, cache, first in _ways(kind)]
     for kind in FORMER:
         row = Row(f"one bit flipped in a {kind} of former code that nothing uses any more: verify is content after the next run")
         for n in range(plan.times(20, 2)):
@@ -25,7 +25,7 @@ def rows(plan: Plan) -> list[Row]:
 
 
 def _ways(kind: str) -> Iterator[tuple[str, bool, bool]]:
-    """(in words, .cache stays, verify before the run)."""
+    """Return (description, .cache kept, verify before the run)."""
     yield ", .cache present" if kind in STORED else "", True, False
     if kind in STORED:
         yield ", .cache gone", False, False

@@ -46,13 +46,13 @@ def _take(ours: Connection, row: Row, counts: dict[str, int], n: int, end: int) 
     """Count answers until all are there, or the process is lost with a mutation; the number of the next one."""
     while n < end:
         try:
-            said = ours.recv() if ours.poll(QUIET_S) else "the reader hangs"
+            message = ours.recv() if ours.poll(QUIET_S) else "the reader hangs"
         except EOFError:
-            said = "the reader's process died"
+            message = "the reader's process died"
         n += 1
-        counts[said] = counts.get(said, 0) + 1
-        row.count([] if said in ("accepted", "refused") else [f"n {n - 1}: {said}"])
-        if said in ("the reader hangs", "the reader's process died"):
+        counts[message] = counts.get(message, 0) + 1
+        row.count([] if message in ("accepted", "refused") else [f"n {n - 1}: {message}"])
+        if message in ("the reader hangs", "the reader's process died"):
             return n
     return n
 
@@ -80,9 +80,9 @@ def _read(reader: FuzzedReader, path: Path) -> str:
         reader.read(path)
         return "accepted"
     except reader.errors as error:
-        said = str(error)
-        whole = said and "\n" not in said and len(said) <= LONGEST_SENTENCE
-        return "refused" if whole else f"no sentence: {said[:200]!r}"
+        message = str(error)
+        whole = message and "\n" not in message and len(message) <= LONGEST_SENTENCE
+        return "refused" if whole else f"no sentence: {message[:200]!r}"
     except Exception as error:
         return f"{type(error).__name__}: {str(error)[:200]}"
 
@@ -90,6 +90,6 @@ def _read(reader: FuzzedReader, path: Path) -> str:
 def _bombs(plan: Plan) -> Row:
     row = Row("bombs: small files that state or unpack to something very large")
     for bomb in BOMBS:
-        said = defuse(bomb, plan.folder / f"bomb {bomb.name.replace('/', '-')}")
-        row.count([f"{bomb.name}: {said}"] if said else [])
+        message = defuse(bomb, plan.folder / f"bomb {bomb.name.replace('/', '-')}")
+        row.count([f"{bomb.name}: {message}"] if message else [])
     return row

@@ -28,11 +28,11 @@ def _wrong(project: FlippedStore, count: int, rng: random.Random) -> list[str]:
     gone = [project.store / rng.choice(FOLDERS)] if not count else rng.sample(files, count)
     for path in gone:
         shutil.rmtree(path) if path.is_dir() else path.unlink()
-    said = f"{len(gone)} files deleted" if count else f"{gone[0].name}/ deleted"
+    message = f"{len(gone)} files deleted" if count else f"{gone[0].name}/ deleted"
     try:
         found = apart(project.run)
         wrong = [] if found["texts"] == project.expected() else [f"wrong outputs {found['failures'][:2]}"]
         wrong += [] if apart(project.verify) else ["verify after the run is not ok"]
     except (NoEndError, RuntimeError) as error:
         wrong = [last_line(error)]
-    return [f"{said}: {what}" for what in wrong]
+    return [f"{message}: {what}" for what in wrong]

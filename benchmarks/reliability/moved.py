@@ -58,7 +58,7 @@ def _dated(project: FlippedStore, year: int) -> FlippedStore:
 
 
 def _silent_edit(project: FlippedStore) -> Row:
-    """In place, of the same size, with the modification time set back."""
+    """Edit a file in place, with the same size and the modification time set back."""
     row, path = Row("a constant of a helper edited, same size, mtime and inode kept"), project.code / "toy" / "helper.py"
     before = path.stat()
     project.edit("?")

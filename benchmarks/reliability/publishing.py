@@ -30,7 +30,7 @@ print(looks, absent)
 
 
 def rows(plan: Plan) -> list[Row]:
-    """Of the data set of a tiny source."""
+    """Test publication of the data set of a tiny source."""
     tiny = Tiny(plan.place("tiny")).write()
     wrong = tiny.run() + tiny.run()
     again = Row("run dataset twice: nothing hidden is left beside what is published")

@@ -102,17 +102,17 @@ class Damaging:
     rng: random.Random
 
     def started(self, stage: str, shard: str, reason: Any) -> None:
-        """Once: the files are sound when they come back."""
+        """Damage the files, once: restored files stay sound."""
         if stage == self.stage:
             for path in self.paths:
                 damage(path, self.how, self.rng)
             self.paths = []
 
     def planned(self, *_: Any) -> None:
-        """Nothing to do."""
+        """Ignore the plan."""
 
     def progress(self, *_: Any) -> None:
-        """Nothing to do."""
+        """Ignore progress."""
 
     def finished(self, *_: Any) -> None:
-        """Nothing to do."""
+        """Ignore the end of a stage."""

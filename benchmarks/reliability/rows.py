@@ -1,4 +1,4 @@
-"""Rows of the page: what was tried, how often it held, how often it failed, and what is so by design."""
+"""Rows of the page: what was tried, how often it held, how often it failed, and results by design."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Row:
 
     @property
     def failed(self) -> int:
-        """How often the law did not hold."""
+        """Number of tries in which the law did not hold."""
         return self.tried - self.held - self.design
 
     def count(self, wrong: list[str]) -> None:
@@ -41,13 +41,13 @@ class Row:
             self.failures.append(" ".join("; ".join(wrong).split())[:LONGEST])
 
     def counted(self) -> dict[str, Any]:
-        """For JSON."""
+        """Return the row as JSON values."""
         return asdict(self) | {"failed": self.failed}
 
 
 @dataclass(frozen=True)
 class Plan:
-    """How much of a part to run, and where."""
+    """Extent of a part of the tests, and its folder."""
 
     folder: Path
     """empty; removed afterwards"""
@@ -57,7 +57,7 @@ class Plan:
     """mutations of every reader"""
 
     def times(self, whole: int, quick: int) -> int:
-        """How many tries of a row."""
+        """Return the number of tries of a row."""
         return quick if self.quick else whole
 
     def place(self, name: str) -> Path:

@@ -19,12 +19,12 @@ PAUSE_S = 0.05
 
 
 def rows(plan: Plan) -> list[Row]:
-    """With workers and in one process."""
+    """Send the signals with workers and in one process."""
     return [_row(plan, what, sent, jobs) for what, sent in WAYS.items() for jobs in (2, 0)]
 
 
 def send(process: subprocess.Popen[str], signals: tuple[signal.Signals, ...]) -> None:
-    """As a terminal does: to the whole group."""
+    """Send a signal to the whole process group, like a terminal."""
     for one in signals:
         with contextlib.suppress(ProcessLookupError):
             os.killpg(process.pid, one)
@@ -41,6 +41,6 @@ def _row(plan: Plan, what: str, sent: tuple[signal.Signals, ...], jobs: int) -> 
         pids = toy.descendants(process.pid)
         send(process, sent)
         ended = toy.end(process, 30.0)
-        wrong = [] if ended.code else [f"exit {ended.code} of a run that was stopped: {ended.said}"]
+        wrong = [] if ended.code else [f"exit {ended.code} of a run that was stopped: {ended.stderr}"]
         row.count(wrong + toy.wrong_later(project, pids))
     return row

@@ -82,7 +82,7 @@ class BadStore(FlippedStore):
     """word -> bad -> shout -> join, 6 words."""
 
     def write(self) -> BadStore:
-        """With one stage more."""
+        """Write the project with an additional stage."""
         super().write()
         (self.code / "toy" / "bad.py").write_text(STAGE)
         return self
@@ -107,7 +107,7 @@ class BadStore(FlippedStore):
 
 
 def rows(plan: Plan) -> list[Row]:
-    """Every deed with workers and in one process; then what only Ctrl-C ends."""
+    """Run every misbehaviour with workers and in one process, then those that only Ctrl-C ends."""
     found = [_deed(plan, deed, jobs) for jobs in (2, 0) for deed in DEEDS]
     loops = [_loop(plan, deed, jobs, False) for deed in ("endless loop", "busy loop") for jobs in (2, 0)]
     return [*found, *loops, _loop(plan, "endless loop", 2, True)]
@@ -136,7 +136,7 @@ def _kept(project: FlippedStore, ended: toy.Ended) -> set[str]:
 
 def _fails_alone(project: FlippedStore, ended: toy.Ended) -> list[str]:
     if ended.code != 1:
-        return [f"exit {ended.code}: {(ended.said or 'nothing said').splitlines()[-1]}"]
+        return [f"exit {ended.code}: {(ended.stderr or 'no message').splitlines()[-1]}"]
     report: dict[str, Any] = ended.report
     shards = [failure.partition(":")[0] for failure in report["failures"]]
     wrong = [] if shards == [f"bad {BAD}"] else [f"failed: {report['failures']}"]
@@ -154,6 +154,6 @@ def _loop(plan: Plan, deed: str, jobs: int, stopped: bool) -> Row:
         os.kill(pid, signal.SIGSTOP)
     send(process, (signal.SIGINT,))
     ended = toy.end(process, 30.0)
-    wrong = [] if ended.code == 130 else [f"exit {ended.code}: {ended.said[-200:]}"]
+    wrong = [] if ended.code == 130 else [f"exit {ended.code}: {ended.stderr[-200:]}"]
     row.count(wrong + toy.wrong_later(project, pids))
     return row

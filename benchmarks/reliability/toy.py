@@ -29,7 +29,7 @@ class Ended:
 
     code: int | None
     report: dict[str, Any]
-    said: str
+    stderr: str
     """what it wrote to stderr"""
 
     @property
@@ -48,13 +48,13 @@ def start(project: FlippedStore, jobs: int = 2, sleep_s: float = SLEEP_S, **envi
 def end(process: subprocess.Popen[str], limit_s: float = END_S) -> Ended:
     """Wait for a run; one that does not end is killed."""
     try:
-        out, said = process.communicate(timeout=limit_s)
+        out, message = process.communicate(timeout=limit_s)
     except subprocess.TimeoutExpired:
         kill({process.pid, *descendants(process.pid)})
         return Ended(None, {}, f"did not end within {limit_s:.0f} s")
     lines = out.strip().splitlines()
     report = json.loads(lines[-1]) if lines and lines[-1].startswith("{") else {}
-    return Ended(process.returncode, report, said.strip())
+    return Ended(process.returncode, report, message.strip())
 
 
 def run(project: FlippedStore, jobs: int = 2, sleep_s: float = SLEEP_S, **environment: str) -> Ended:
@@ -63,9 +63,9 @@ def run(project: FlippedStore, jobs: int = 2, sleep_s: float = SLEEP_S, **enviro
 
 
 def wrong_end(project: FlippedStore, ended: Ended, mark: str = "!") -> list[str]:
-    """What is wrong about a run that should have gone well."""
+    """Return the faults of a run that should have succeeded."""
     if ended.code != 0:
-        words = ended.said.splitlines()[-1:] + ended.report.get("failures", [])[:1]
+        words = ended.stderr.splitlines()[-1:] + ended.report.get("failures", [])[:1]
         return [f"exit {ended.code}: {' '.join(words)}"]
     return [] if ended.report["texts"] == project.expected(mark) else ["wrong outputs"]
 
@@ -87,9 +87,9 @@ def descendants(pid: int) -> set[int]:
 
 
 def wait_for(project: FlippedStore, line: str, seconds: float = 60.0) -> None:
-    """Until the log of executions holds a line that begins so; TimeoutError when none comes."""
+    """Wait until the log of executions contains a line with this prefix. Raises TimeoutError when none appears."""
     end_at = time.monotonic() + seconds
-    while not (project.log.exists() and any(said.startswith(line) for said in project.log.read_text().splitlines())):
+    while not (project.log.exists() and any(message.startswith(line) for message in project.log.read_text().splitlines())):
         if time.monotonic() > end_at:
             raise TimeoutError(f"no {line!r} in {project.log}")
         time.sleep(0.005)
@@ -123,7 +123,7 @@ def finished(project: FlippedStore) -> set[str]:
 
 
 def executions(project: FlippedStore) -> int:
-    """Lines in the log of executions; the log starts anew."""
+    """Return the lines of the log of executions, and clear the log."""
     try:
         count = len(project.log.read_text().splitlines())
         project.log.unlink()
@@ -133,8 +133,9 @@ def executions(project: FlippedStore) -> int:
 
 
 def wrong_later(project: FlippedStore, pids: set[int], before: set[str] | None = None, mark: str = "!") -> list[str]:
-    """After a run that was ended from outside: processes that still run, and what is wrong with the next run. `before`: keys that
-    were finished and may not be executed again.
+    """Return the faults after a run that was ended from outside: remaining processes, and faults of the next run.
+
+    `before` are the keys that were finished and must not be executed again.
     """
     left = left_after(pids)
     kill(left)
@@ -147,7 +148,7 @@ def wrong_later(project: FlippedStore, pids: set[int], before: set[str] | None =
 
 
 def leftovers(store: Path) -> dict[str, int]:
-    """Scratch folders, locks and torn temporaries that nobody uses any more."""
+    """Return scratch folders, locks and torn temporaries without an owner."""
     locks = [path for path in (store / "leases").glob("*") if path.name not in ("store.lock", "index.lock")]
     torn = [path for path in store.rglob(".*") if path.is_file() and path.parent.name != "scratch"]
     return {"scratch folders": len(list((store / "scratch").iterdir())), "locks": len(locks), "torn temporaries": len(torn)}
@@ -159,7 +160,7 @@ def added(total: dict[str, int], more: dict[str, int]) -> dict[str, int]:
 
 
 def shown(counts: dict[str, int]) -> str:
-    """As a list in words."""
+    """Format the counts as a list in words."""
     return ", ".join(f"{count} {name}" for name, count in counts.items())
 
 

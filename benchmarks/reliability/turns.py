@@ -32,7 +32,7 @@ class WideStore(FlippedStore):
     """60 narrow tasks and a wide one behind another."""
 
     def write(self) -> WideStore:
-        """With the wide stage."""
+        """Write the project with the wide stage."""
         super().write()
         (self.code / "toy" / "wide.py").write_text(STAGE)
         return self

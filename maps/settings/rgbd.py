@@ -24,7 +24,7 @@ from stages.rgbd import (
 
 @dataclass(frozen=True)
 class Rgbd:
-    """The parameters of every stage of the system, by stage."""
+    """Parameters of every stage of the system, by stage."""
 
     interaction_read: interaction_read.Params = interaction_read.Params()
     interaction_pack: interaction_pack.Params = interaction_pack.Params(licence="apache-2.0")
@@ -45,4 +45,4 @@ PRESETS: dict[tuple[str, str, str], Any] = {
     ("sor3d_train", "variant", "paper"): sor3d_train.PAPER,
     ("sor3d_pretrain", "variant", "paper"): sor3d_pretrain.PAPER,
 }
-"""stage, parameter, value -> what all parameters of the stage are where it has this value and nothing else is said"""
+"""(stage, parameter, value) -> defaults of all parameters of the stage when the parameter has this value"""

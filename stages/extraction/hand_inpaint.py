@@ -55,11 +55,11 @@ def run(frames: Frames, tracks: Tracks, params: Params, weights: FileTree | None
     from afford.common.masks import dilate
     from afford.common.registry import block, load
     from afford.extraction import layers
-    from afford.models.weights import with_weights
+    from afford.models.weights import with_local_weights
 
     _check(frames, tracks)
     hole = dilate(layers.hands(tracks), params.dilate_px)
-    filled = load(BACKENDS, params.backend)(frames, tracks, hole, with_weights(block(params, params.backend), weights))
+    filled = load(BACKENDS, params.backend)(frames, tracks, hole, with_local_weights(block(params, params.backend), weights))
     rgb = np.where(hole[..., None], filled.rgb, frames.rgb)
     source = np.where(hole, filled.source, PixelSource.ORIGINAL).astype(np.uint8)
     confidence = np.where(hole, filled.confidence, 255).astype(np.uint8)

@@ -51,7 +51,7 @@ def run(clip: Clip, frames: Frames, params: Params, weights: FileTree | None = N
 
     from afford.common.registry import block, load
     from afford.extraction.tracks.densify import densify
-    from afford.models.weights import with_weights
+    from afford.models.weights import with_local_weights
 
-    propagate = partial(load(BACKENDS, params.backend), params=with_weights(block(params, params.backend), weights))
+    propagate = partial(load(BACKENDS, params.backend), params=with_local_weights(block(params, params.backend), weights))
     return densify(clip, frames, propagate, params, dense=params.backend == "dense")

@@ -53,10 +53,10 @@ def run(frames: Frames, tracks: Tracks, inpainted: Inpainted, params: Params, we
 
     from afford.common.registry import block, load
     from afford.extraction import layers
-    from afford.models.weights import with_weights
+    from afford.models.weights import with_local_weights
 
     _check(frames, tracks, inpainted)
-    complete, own = load(BACKENDS, params.backend), with_weights(block(params, params.backend), weights)
+    complete, own = load(BACKENDS, params.backend), with_local_weights(block(params, params.backend), weights)
     indices = layers.touched_indices(tracks)
     masks = np.zeros((len(indices), *tracks.masks.shape[1:]), bool)
     confidence = np.zeros(masks.shape[:2], np.float32)

@@ -62,10 +62,10 @@ def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], episodes: Gra
 
     from afford.common.registry import block, load
     from afford.grasping.env.rendering import GraspRenderer
-    from afford.models.weights import with_weights
+    from afford.models.weights import with_local_weights
 
     own = block(params, params.backend)
-    judge, given = load(BACKENDS, params.backend), with_weights(own, weights)
+    judge, given = load(BACKENDS, params.backend), with_local_weights(own, weights)
     known, scores = {one.name: one for some in tasks for one in some}, list[float]()
     for trace in episodes.traces:
         if trace.task not in known:

@@ -1,1 +1,1 @@
-"""Stages that record what other stages made."""
+"""Stages that record the outputs of other stages."""

@@ -1,8 +1,8 @@
-"""recordings of the stages of a clip -> one recording of the clip, in time order.
+"""Merge the recordings of a clip's stages into one recording, in time order.
 
 Reads   Clip; one FileTree of one .mcap file per stage (stage_record)
 Writes  FileTree of one file, <clip>.mcap, with every topic and every metadata record of its parts
-Method  a merge by (log time, topic); payloads are copied as they are, every chunk checked against its CRC
+Method  a merge by (log time, topic); payloads are copied unchanged, every chunk checked against its CRC
 Fails   when two parts use one topic, or one schema name with two definitions, or a part is damaged
 """
 
@@ -21,11 +21,11 @@ MEMORY_GIB = 0.5
 
 @dataclass(frozen=True)
 class Params:
-    """Nothing to choose."""
+    """Parameters of `clip_record`: none."""
 
 
 def run(clip: Clip, parts: tuple[FileTree, ...], params: Params, ctx: Context) -> FileTree:
-    """Merge the recordings of one clip; ValueError names the topic, schema or part that does not fit."""
+    """Merge the recordings of one clip; ValueError names the topic, schema or part at fault."""
     from afford.recording.mcap_files import as_tree, merge_recordings
     from afford.recording.provenance import of_clip
 

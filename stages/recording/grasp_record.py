@@ -1,10 +1,10 @@
-"""episodes of one policy, step by step -> their recording, a film of all of them, a sheet of their moments.
+"""Record the episodes of one policy, with a film of all of them and a sheet of their key moments.
 
 Reads   HandModel; GraspTasks; GraspEpisodes, of which only those with a trace are shown
-Writes  FileTree of <name>.mcap (docs/recordings.md), <name>.mp4 (all traces at once) and <name>.png (a row for each trace: begin,
-        reach, close, lift, end)
-Method  links by forward kinematics from the joints of the trace; a software renderer, no engine; no wall clock
-Fails   ValueError when there is no trace, or one whose task or hand is not given
+Writes  FileTree of <name>.mcap (docs/recordings.md), <name>.mp4 (all traces in a grid) and <name>.png (a row for each trace:
+        begin, reach, close, lift, end)
+Method  links by forward kinematics from the joints of the trace; a software renderer, no physics engine; no wall clock
+Fails   ValueError without a trace, or when the task or hand of a trace is not given
 """
 
 from __future__ import annotations
@@ -25,21 +25,23 @@ MEMORY_GIB = 1.0
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of `grasp_record`."""
+
     width: int = 320
-    """of the pictures, px, even"""
+    """width of the pictures, px, even"""
     height: int = 240
-    """even"""
+    """height of the pictures, px, even"""
     supersample: int = 2
-    """samples of a pixel, each way"""
+    """samples per pixel and axis"""
     columns: int = 3
-    """of the film's grid"""
+    """columns of the film's grid"""
     seed: int = 0
-    """of the points on the hand that stand for its meshes"""
+    """seed of the points sampled on the hand's meshes"""
 
 
 def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], episodes: GraspEpisodes, params: Params,
         ctx: Context) -> FileTree:  # fmt: skip
-    """Draw each row of each trace once, and write all three."""
+    """Draw each row of each trace once, and write all three files."""
     from afford.common.files import empty_folder, tree
     from afford.grasping.env.rendering import GraspRenderer
     from afford.grasping.evaluate.grasp_sheet import write_film, write_sheet

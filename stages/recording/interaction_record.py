@@ -1,11 +1,10 @@
-"""a data set of RGB-D interactions, a trained model -> what the model says frame by frame, as recordings and sheets.
+"""Record the frame-by-frame predictions of a trained model on RGB-D interactions, with a sheet of each.
 
-Reads   FileTree that interaction_pack wrote (sequences with their scene flow); FileTree of a model: what model_train (backend
-        sor3d) writes
+Reads   FileTree of interaction_pack (sequences with their scene flow); FileTree of a model of sor3d_train
 Writes  FileTree of <name>.mcap (docs/recordings.md) and <name>.png for each of some sequences: frames, motion, depth, affordances,
         attention, truth
-Method  frame i is answered as the end of the sequence of frames 1 to i; media time from the rate of the sequence
-Fails   when the data set has no such part, or the model is of another kind
+Method  the prediction of frame i is that of the sequence of frames 1 to i; media time from the rate of the sequence
+Fails   when the data set lacks the split, or the model is of another kind
 Paper   SOR3D-AFF: attention maps, confidence above 0.75
 """
 
@@ -24,12 +23,14 @@ MEMORY_GIB = 1.0
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of `interaction_record`."""
+
     split: str = "val"
-    """which part of the data set"""
+    """split of the data set"""
     shown: int = 9
-    """sequences that are recorded, spread over the part; 0 for all"""
+    """number of recorded sequences, spread over the split; 0 for all"""
     rate_hz: float = 10.0
-    """frames a second, which a packed sequence does not say"""
+    """frames per second; packed sequences do not store it"""
     threshold: float = 0.75
     """probability above which an affordance counts as confident"""
     device: str = "cpu"
@@ -37,7 +38,7 @@ class Params:
 
 
 def run(dataset: FileTree, model: FileTree, params: Params, ctx: Context) -> FileTree:
-    """Ask the model about every frame of each sequence, and write both files."""
+    """Predict every frame of each sequence, and write both files."""
     from afford.common.drawing import write_page
     from afford.common.files import copy_folder, empty_folder, tree
     from afford.dataset import packed_sequences

@@ -1,10 +1,10 @@
-"""motions of people and what became of them -> their recording.
+"""Record human hand motions and their retargeting.
 
 Reads   HandModel; HandMotion of every clip (motion_read or motion_synthesise); the Retargeted of each (hand_retarget)
-Writes  FileTree of one file, <stage>.mcap: the person's keypoints and bones, the links of the robot hand, how far off it is,
-        pictures of both; the parameters
+Writes  FileTree of one file, <stage>.mcap: the person's keypoints and bones, the links of the robot hand, the errors, pictures of
+        both; the parameters
 Method  clips follow each other a second apart; links by forward kinematics; a software renderer
-Fails   when there is no clip, or one that was not retargeted
+Fails   without clips, or when a clip was not retargeted
 Paper   AffordDex, HTI: the motions that are imitated
 """
 
@@ -24,16 +24,18 @@ MEMORY_GIB = 1.0
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of `motion_record`."""
+
     stage: str = "motion_read"
-    """the stage that read or made the motions; its name is the first word of their topics"""
+    """stage that produced the motions; its name is the first word of their topics"""
     clips: int = 6
-    """clips that are recorded, spread over all; 0 for all"""
+    """number of recorded clips, spread over all; 0 for all"""
     pictures_hz: float = 10.0
-    """pictures a second, at most"""
+    """maximum number of pictures per second"""
     width: int = 320
-    """of the pictures, px"""
+    """width of the pictures, px"""
     height: int = 240
-    """of the pictures, px"""
+    """height of the pictures, px"""
     parameters: tuple[tuple[str, str], ...] = ()
     """(stage, its parameters as JSON)"""
 
@@ -50,7 +52,7 @@ def run(hand: HandModel, motions: tuple[HandMotion, ...], clips: tuple[Retargete
 
     fitted = {one.name: one for one in clips}
     if missing := [one.name for one in motions if one.name not in fitted]:
-        raise ValueError(f"motion_record: expected a retargeted clip for each motion, got none for {missing[0]}")
+        raise ValueError(f"motion_record: no retargeted clip of the motion {missing[0]}; give one for each motion")
     if not motions or params.clips < 0 or params.pictures_hz <= 0:
         raise ValueError(f"motion_record: expected motions, clips of 0 or more and pictures_hz above 0, got {len(motions)} motions,"
                          f" {params.clips} and {params.pictures_hz:g}")

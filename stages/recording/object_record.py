@@ -1,10 +1,9 @@
-"""views, candidates, scores and negative surfaces of one object -> its recording.
+"""Record one object: views, part candidates, scores, negative affordances.
 
-Reads   ObjectViews, PartCandidates, PartDescriptions, PartScores and NegativeAffordances of one object; its ObjectMesh, if it is to
-        be recorded as well
-Writes  FileTree of one file, <object>.mcap: views, candidates laid over them, scores, what was said, overlays and clouds by task,
+Reads   ObjectViews, PartCandidates, PartDescriptions, PartScores and NegativeAffordances of one object; its ObjectMesh, optional
+Writes  FileTree of one file, <object>.mcap: views, overlaid candidates, scores, part descriptions, overlays and clouds per task,
         the mesh; the parameters
-Method  log time is the fixed base of all recordings, a millisecond per view
+Method  log time is the fixed base of all recordings plus a millisecond per view
 Fails   when the object has no view
 """
 
@@ -25,8 +24,10 @@ MEMORY_GIB = 0.5
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of `object_record`."""
+
     mesh: str = "mesh_read"
-    """the stage that made the mesh; its name is the first word of its topic"""
+    """stage that produced the mesh; its name is the first word of its topic"""
     parameters: tuple[tuple[str, str], ...] = ()
     """(stage, its parameters as JSON)"""
 
@@ -39,7 +40,7 @@ def run(views: ObjectViews, candidates: PartCandidates, descriptions: PartDescri
     from afford.recording.provenance import of_object, of_value, with_parameters
 
     if not views.views:
-        raise ValueError(f"{views.name}: expected views to record, got none")
+        raise ValueError(f"{views.name}: no views to record; render at least one (view_render)")
     path = ctx.scratch / f"{views.name}.mcap"
     recording = of_object(record_negative(views, candidates, descriptions, scores, found, mesh, params.mesh), views, found)
     recording = recording if mesh is None else of_value(recording, params.mesh, mesh)

@@ -1,11 +1,11 @@
-"""the curves of a policy's training, and what the policy does -> its recording.
+"""Record a policy: the curves of its training, then episodes.
 
-Reads   HandModel; GraspTasks to show it on; TrainingLog and FileTree of hand_imitation, rl_grasp_refinement or grasp_student
+Reads   HandModel; GraspTasks of the episodes; TrainingLog and FileTree of hand_imitation, rl_grasp_refinement or grasp_student
 Writes  FileTree of one file, <name>.mcap: a topic per curve with flat doubles, then an episode of some tasks as pictures; the
         parameters
-Method  log time is the fixed base of all recordings, a millisecond per step; the episodes follow at their own pace. MuJoCo,
+Method  log time is the fixed base of all recordings plus a millisecond per step; the episodes follow at their own rate. MuJoCo,
         the policy's mean action, a software renderer
-Fails   when the training measured nothing, without tasks, for files that are no policy
+Fails   when the training has no curve, without tasks, when the files are not a policy
 """
 
 from __future__ import annotations
@@ -27,25 +27,27 @@ MEMORY_GIB = 1.5
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of `policy_record`."""
+
     stage: str = "rl_grasp_refinement"
-    """the stage that trained; its name is the first word of every topic"""
+    """stage that trained; its name is the first word of every topic"""
     episodes: int = 2
-    """tasks of which an episode is shown, spread over all; 0 for curves alone"""
+    """tasks with an episode, spread over all; 0 for curves only"""
     width: int = 320
-    """of the pictures, px"""
+    """width of the pictures, px"""
     height: int = 240
-    """of the pictures, px"""
+    """height of the pictures, px"""
     supersample: int = 1
-    """samples of a pixel, each way"""
+    """samples per pixel and axis"""
     seed: int = 0
-    """of where objects lie and hands begin"""
+    """seed of initial poses"""
     parameters: tuple[tuple[str, str], ...] = ()
     """(stage, its parameters as JSON)"""
 
 
 def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], log: TrainingLog, files: FileTree, params: Params,
         ctx: Context) -> FileTree:  # fmt: skip
-    """Let the policy act, draw it, and write the recording."""
+    """Run episodes of the policy, draw them, and write the recording."""
     from afford.grasping.env.rendering import GraspRenderer
     from afford.grasping.evaluate.evaluate_policy import example_episodes, spread
     from afford.recording.grasps import record_policy

@@ -1,9 +1,8 @@
-"""views of one object, and where hands belong on it -> its recording.
+"""Record one object with its positive affordances.
 
 Reads   ObjectViews and PositiveAffordances of one object
-Writes  FileTree of one file, <object>.mcap: views, the regions of both hands laid over them and A_t as a cloud, task by task; the
-        parameters
-Method  log time is the fixed base of all recordings, a millisecond per view
+Writes  FileTree of one file, <object>.mcap: views, overlaid regions of both hands and A_t as a cloud, per task; the parameters
+Method  log time is the fixed base of all recordings plus a millisecond per view
 Fails   when the object has no view
 """
 
@@ -24,6 +23,8 @@ MEMORY_GIB = 0.5
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of `positive_record`."""
+
     parameters: tuple[tuple[str, str], ...] = ()
     """(stage, its parameters as JSON)"""
 
@@ -35,7 +36,7 @@ def run(views: ObjectViews, found: PositiveAffordances, params: Params, ctx: Con
     from afford.recording.provenance import of_value, with_parameters
 
     if not views.views:
-        raise ValueError(f"{views.name}: expected views to record, got none")
+        raise ValueError(f"{views.name}: no views to record; render at least one (view_render)")
     path = ctx.scratch / f"{views.name}.mcap"
     recording = of_value(record_positive(views, found), "view_render", views)
     write_recording(path, with_parameters(of_value(recording, "positive_affordance_projection", found), params.parameters))

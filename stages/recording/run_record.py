@@ -1,9 +1,9 @@
-"""what a run of all clips came to (a data set, a report) -> its recording: numbers, words and pictures.
+"""Record the files of a run over all clips (a data set, a report): numbers, text and pictures.
 
-Reads   FileTree that the stage wrote
-Writes  FileTree of one file, <stage>.mcap: JSON and Markdown as documents, paragraphs as a log, pictures as they are
-Method  one topic per file below /<stage>; log time is the fixed base of all recordings, a millisecond between two lines
-Fails   when there is neither text nor picture, or a text is no UTF-8
+Reads   FileTree of the stage
+Writes  FileTree of one file, <stage>.mcap: JSON and Markdown as documents, paragraphs as a log, pictures unchanged
+Method  one topic per file below /<stage>; log time is the fixed base of all recordings, with a millisecond between two lines
+Fails   when there is neither text nor picture, or a text is not UTF-8
 """
 
 from __future__ import annotations
@@ -21,12 +21,14 @@ MEMORY_GIB = 0.5
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of `run_record`."""
+
     stage: str
-    """the stage that wrote the files; its name is the first word of every topic"""
+    """stage that wrote the files; its name is the first word of every topic"""
 
 
 def run(files: FileTree, params: Params, ctx: Context) -> FileTree:
-    """Write the recording of one run; ValueError when there is nothing to show."""
+    """Write the recording of one run; ValueError when no file can be recorded."""
     from afford.recording.mcap_files import as_tree, write_recording
     from afford.recording.provenance import of_files
     from afford.recording.run_files import record_files

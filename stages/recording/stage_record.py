@@ -1,10 +1,10 @@
-"""what a stage made of one clip -> its recording: an MCAP file that Foxglove and Rerun open.
+"""Record the output of one stage for one clip: an MCAP file for Foxglove and Rerun.
 
 Reads   the output of the stage; Frames, for the media time of every frame number
-Writes  FileTree of one file, <clip>.mcap: protobuf messages, foxglove.* schemas where there is one, media time as log time
-Method  one recorder per stage (afford/recording/of_*.py): JPEG frames, masks as PNG of 0 and 255, metrics as flat doubles;
-        the content digests of what is recorded stand in its metadata
-Fails   when a frame of the output was not decoded (key frames of the source apart: those are left out)
+Writes  FileTree of one file, <clip>.mcap: protobuf messages, foxglove.* schemas if there is one, media time as log time
+Method  one recorder per stage (afford/recording/extraction_*.py): JPEG frames, masks as PNG of 0 and 255, metrics as flat doubles;
+        the metadata contains the content digests of the recorded values
+Fails   when a frame of the output was not decoded (key frames of the source are left out instead)
 """
 
 from __future__ import annotations
@@ -39,8 +39,10 @@ Recorded = Clip | Frames | Tracks | Inpainted | CompleteObjects | Affordances | 
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of `stage_record`."""
+
     stage: str
-    """the stage whose output is recorded, a key of STAGES"""
+    """stage whose output is recorded, a key of STAGES"""
 
 
 def run(value: Recorded, frames: Frames, params: Params, ctx: Context) -> FileTree:

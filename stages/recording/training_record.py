@@ -1,9 +1,9 @@
-"""the curves of a training, and the pictures that it drew on its way -> its recording.
+"""Record a training: its curves and previews.
 
 Reads   TrainingLog; FileTree of the same training, for the previews
 Writes  FileTree of one file, <name>.mcap: a topic per curve with flat doubles, the previews as pictures, the parameters
-Method  log time is the fixed base of all recordings, a millisecond per step
-Fails   when the training measured nothing
+Method  log time is the fixed base of all recordings plus a millisecond per step
+Fails   when the training has no curve
 """
 
 from __future__ import annotations
@@ -22,8 +22,10 @@ MEMORY_GIB = 0.5
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of `training_record`."""
+
     stage: str = "model_train"
-    """the stage that trained; its name is the first word of every topic"""
+    """stage that trained; its name is the first word of every topic"""
     parameters: tuple[tuple[str, str], ...] = ()
     """(stage, its parameters as JSON)"""
 
@@ -35,7 +37,7 @@ def run(log: TrainingLog, files: FileTree, params: Params, ctx: Context) -> File
     from afford.recording.trainings import previews, record_training
 
     if not log.curves:
-        raise ValueError(f"{log.name}: expected curves to record, got none")
+        raise ValueError(f"{log.name}: no curves to record; train for at least one logged step")
     path = ctx.scratch / f"{log.name}.mcap"
     recording = record_training(log, params.stage, previews(files))
     write_recording(path, with_parameters(of_files(recording, params.stage, files), params.parameters))

@@ -1,1 +1,1 @@
-"""Stages from RGB-D interaction to affordance of the last frame."""
+"""Stages from RGB-D interactions to affordances of the last frame."""

@@ -1,9 +1,9 @@
-"""clips of actions -> a folder on which the encoder of SOR3D-AFF's model is pre-trained (model_train, backend sor3d_actions).
+"""Pack clips of actions into a data set on which the encoder of SOR3D-AFF's model is pre-trained (sor3d_pretrain).
 
 Reads   ActionClips (UTKinect)
-Writes  FileTree: <train or val>/<name>.safetensors as interaction_pack writes them, without flow and label; README.md
-Method  a share of the clips judges, by the seeded hash of their names
-Fails   when there is no clip, or two have one name
+Writes  FileTree: <train or val>/<name>.safetensors in the format of interaction_pack, without flow and label; README.md
+Method  a share of the clips is for validation, chosen by the seeded hash of their names
+Fails   without clips, or when two clips have one name
 Paper   SOR3D-AFF, training: the RGB-D encoder is pre-trained on UTKinect
 """
 
@@ -22,14 +22,16 @@ MEMORY_GIB = 1.0
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of `action_pack`."""
+
     name: str = "actions"
     """name of the data set"""
     licence: str = "unknown"
-    """of the pictures: it becomes that of the model"""
+    """licence of the pictures, which becomes that of the model"""
     val_share: float = 0.2
-    """share of clips that judge"""
+    """share of the clips for validation"""
     seed: int = 0
-    """seed of which ones"""
+    """seed of the choice of validation clips"""
 
 
 def run(clips: tuple[ActionClip, ...], params: Params, ctx: Context) -> FileTree:

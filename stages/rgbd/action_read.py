@@ -1,8 +1,8 @@
-"""files of action clips -> frames and what is done, for pre-training.
+"""Read clips of actions, frames and action labels, for pre-training.
 
 Reads   FileTree of UTKinect-Action3D (docs/rgbd/interaction-data.md)
 Writes  ActionClip of every action of every sequence
-Method  frames spread evenly over an action; depth where every frame has it
+Method  frames are spread evenly over an action; a clip has depth when every frame has it
 Fails   SourceError, one sentence: file, field, expected, got, what to do
 Paper   SOR3D-AFF, section 6 (the RGB-D encoder is pre-trained on UTKinect)
 """
@@ -21,14 +21,16 @@ MEMORY_GIB = 2.0
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of `action_read`."""
+
     size_px: int = 112
-    """pictures are squeezed to this side"""
+    """side to which pictures are resized"""
     frames: int = 10
-    """most frames of an action"""
+    """maximum number of frames of an action"""
 
 
 def run(files: FileTree, params: Params) -> tuple[ActionClip, ...]:
-    """All actions."""
+    """Read all actions."""
     from afford.rgbd.readers.utkinect import read_actions
 
     if params.size_px < 8 or params.frames < 1:

@@ -1,11 +1,11 @@
-"""a data set of RGB-D interactions -> a detector of single pictures, with which SOR3D-AFF's model is compared.
+"""Train the box detector of single pictures that SOR3D-AFF's model is compared with.
 
-Reads   FileTree that interaction_pack wrote
+Reads   FileTree of interaction_pack
 Writes  Trained: files (model/config.json, model/model.safetensors, card.md, history.parquet, tensorboard/, previews/) and the
         TrainingLog
-Method  after AffordanceNet: boxes of things, and inside each box a mask of affordances, learned from the last frames; the loop of
+Method  after AffordanceNet: boxes of objects, and in each box a mask of affordances, learned from last frames; the loop of
         sor3d_train
-Fails   when a part of the data set is empty, on a GPU, when the loss is not finite any more
+Fails   when a split of the data set is empty, on a GPU, when the loss is not finite
 Paper   AffordanceNet (Do, Nguyen and Reid 2018), small; SOR3D-AFF compares with it
 """
 
@@ -30,13 +30,15 @@ MACHINE = "bf16"  # a CPU without instructions for bfloat16 goes on in single pr
 
 @dataclass(frozen=True)
 class Params(InteractionTraining):
+    """Parameters of `boxes_train`."""
+
     variant: str = "small"
     """widths of the encoder: small, or paper"""
     row: str = "rgbd"
-    """what is seen of a picture: rows of sor3d_train with rgbd see depth, those with rgb see colours alone"""
+    """input: rows of sor3d_train with rgbd have depth, those with rgb have colours only"""
     lr: float = 5e-4
     device: str = "cpu"
-    """cpu; a GPU has no kernel that learns through samples inside of boxes and gives the same result twice"""
+    """cpu; no GPU kernel of the backward pass through RoIAlign is deterministic"""
 
 
 def run(dataset: FileTree, params: Params, ctx: Context) -> Trained:

@@ -1,9 +1,9 @@
-"""RGB-D interactions and their scene flow -> a folder that model_train learns from (backend sor3d).
+"""Pack RGB-D interactions and their scene flow into the data set of sor3d_train and boxes_train.
 
 Reads   InteractionClips of both splits, the SceneFlow of each
 Writes  FileTree: <split>/<name>.safetensors (colours, depth in 0.1 mm, both flows as colours, label), README.md
-Method  one file a sequence, as it is; a training reads them at random
-Fails   when a clip has no flow, a flow no clip, or two clips one name
+Method  one file per sequence; a training reads them in random order
+Fails   when a clip has no flow, a flow no clip, or two clips have one name
 Paper   SOR3D-AFF, data
 """
 
@@ -22,10 +22,12 @@ MEMORY_GIB = 1.0
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of `interaction_pack`."""
+
     name: str = "interactions"
     """name of the data set"""
     licence: str = "unknown"
-    """of the pictures: it becomes that of the model"""
+    """licence of the pictures, which becomes that of the model"""
 
 
 def run(clips: tuple[InteractionClip, ...], flows: tuple[SceneFlow, ...], params: Params, ctx: Context) -> FileTree:

@@ -1,10 +1,10 @@
-"""files of an RGB-D sequence -> a clip: colours, depth, the label of its last frame.
+"""Read an RGB-D sequence: colours, depth, and the label of its last frame.
 
 Reads   FileTree of one sequence in the layout of SOR3D-AFF, rendered or recorded (docs/rgbd/interaction-data.md)
-Writes  InteractionClip; no depth in the files: depth 0 everywhere
-Method  the folder's name says affordance and thing; the colour of the affordance in the mask is the label, all else background
+Writes  InteractionClip; without depth files the depth is 0 everywhere
+Method  the folder's name contains affordance and object; the affordance's colour in the mask is the label, the rest background
 Fails   SourceError, one sentence: file, field, expected, got, what to do
-Paper   SOR3D-AFF, section 6; its released code (STCAE) for layout, colours and which frames are shown
+Paper   SOR3D-AFF, section 6; its released code (STCAE) for layout, colours and the choice of frames
 """
 
 from __future__ import annotations
@@ -21,14 +21,17 @@ MEMORY_GIB = 0.5
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of `interaction_read`."""
+
     frames: str = "all"
-    """all; or slots: ten frames, every second of 20 slots, black ones in front of short sequences (as the released code)"""
+    """all; or slots: ten frames, every second of 20 slots, black frames before short sequences (as in the released code)"""
     grid: str = "native"
-    """native: pictures as they are; stcae: shrunk to 640 x 360, then rows 0 to 300 and columns 200 to 500 (as the released code)"""
+    """native: pictures as they are; stcae: resized to 640 x 360, then rows 0 to 300 and columns 200 to 500 (as in the released
+    code)"""
     rate_hz: float = 10.0
-    """frames a second where the files do not say it"""
+    """frames per second of files without a rate"""
     focal_px: float = 1081.4
-    """focal length at a width of 1920 px where the files do not say it: nominal for the colour camera of a Kinect 2"""
+    """focal length at a width of 1920 px of files without one: nominal for the colour camera of a Kinect 2"""
 
 
 def run(files: FileTree, params: Params) -> InteractionClip:

@@ -1,13 +1,13 @@
-"""an RGB-D clip -> how everything in it moves between its frames, in space and on the image.
+"""Estimate the scene flow of an RGB-D clip: motion of everything visible, in space and on the image.
 
 Reads   InteractionClip
 Writes  SceneFlow: metres and pixels per frame, and both as colours
-Method  optical flow (DIS, also from a search of large shifts) and measured depth, spread within surfaces by a fast global
-        smoother (weighted least squares) from where both directions agree; holes filled; for every surface the guess that
-        explains the next frame best, rest unless motion does so by a margin. Deterministic.
-        backend `difference`: optical flow and the difference of depths alone
-Fails   when the clip is smaller than 32 px, a parameter is not positive, or the colours are not a known kind
-Paper   SOR3D-AFF, 3-D flow (there PD-Flow on pairs of frames, each axis normalised to 0..255); the camera stands, as there
+Method  optical flow (DIS, also from a search of large shifts) and measured depth, smoothed within surfaces by a fast global
+        smoother (weighted least squares) from pixels where both directions agree; holes filled; each surface takes the
+        hypothesis that explains the next frame best, and rest unless motion wins by a margin. Deterministic.
+        backend `difference`: optical flow and the difference of depths only
+Fails   when the clip is smaller than 32 px, a parameter is not positive, or the colour coding is unknown
+Paper   SOR3D-AFF, 3-D flow (there PD-Flow on pairs of frames, each axis normalised to 0..255); the camera stands still, as there
 """
 
 from __future__ import annotations
@@ -31,20 +31,22 @@ BACKENDS = {
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of `scene_flow`."""
+
     backend: str = "regularised"
-    """regularised, or difference: optical flow with the difference of depths, for comparison"""
+    """regularised, or difference: optical flow with the difference of depths, as a baseline"""
     colour: str = "fixed"
-    """fixed: no motion has the same colour everywhere; clip: least to largest motion of each clip, as the paper says"""
+    """fixed: no motion has the same colour in every clip; clip: minimum to maximum motion of each clip, as in the paper"""
     range_m: float = 0.05
-    """fixed: motion in metres per frame that has full colour"""
+    """fixed: motion in metres per frame at full colour"""
     range_share: float = 0.08
-    """fixed: motion on the image that has full colour, as a share of the width, per frame"""
+    """fixed: motion on the image per frame at full colour, as a share of the width"""
     regularised: Regularised = Regularised()
     """parameters of regularised"""
 
 
 def run(clip: InteractionClip, params: Params) -> SceneFlow:
-    """Estimate the flow of all pairs of frames."""
+    """Estimate the flow between all neighbouring frames."""
     from functools import partial
 
     from afford.common.registry import block, load

@@ -1,10 +1,10 @@
-"""scene flow, and that of optical flow with the difference of depths alone, against the truth of a rendered sequence.
+"""Score scene flow, and the baseline of optical flow with depth differences, against the truth of a rendered sequence.
 
 Reads   SceneFlow twice, InteractionTruth
-Writes  FlowScore: sums of end-point errors over all pixels with a surface and over those that move, of both, in m and in px
+Writes  FlowScore: sums of end-point errors of both over all pixels with a surface and over the moving ones, in m and in px
 Method  length of the difference of motion in space, as Vedula et al. (1999) measure it, and of motion on the image; sums, so that
-        sequences pool
-Fails   when a flow is another sequence's
+        sequences can be pooled
+Fails   when a flow is of another sequence
 Paper   SOR3D-AFF, 3-D flow (not measured there)
 """
 
@@ -21,7 +21,7 @@ MEMORY_GIB = 0.3
 
 @dataclass(frozen=True)
 class Params:
-    """Nothing to choose."""
+    """Parameters of `scene_flow_score`: none."""
 
 
 def run(flow: SceneFlow, plain: SceneFlow, truth: InteractionTruth, params: Params) -> FlowScore:

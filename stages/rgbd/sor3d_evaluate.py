@@ -1,10 +1,9 @@
-"""a trained model of SOR3D-AFF on the sequences of validation -> what it got right, of videos and of pictures.
+"""Evaluate a trained SOR3D-AFF model on the validation sequences, as videos and as pictures.
 
-Reads   FileTree that interaction_pack wrote; files of a Trained (model/config.json, model/model.safetensors)
-Writes  InteractionScores: pixels found and true of every affordance and the action, sequence by sequence; some answers to look at
-Method  a sequence whole, and its last frame alone, in which nothing moves; the most probable label of every pixel at the size of
-        the model
-Fails   when the data set has no validation part, or the files are no model
+Reads   FileTree of interaction_pack; files of a Trained (model/config.json, model/model.safetensors)
+Writes  InteractionScores: predicted and true pixels of every affordance and the action, per sequence; some predictions to show
+Method  a whole sequence, and its last frame alone without motion; the most probable label of every pixel at the model's size
+Fails   when the data set has no validation split, or the files are not a model
 Paper   SOR3D-AFF, evaluation
 """
 
@@ -23,18 +22,20 @@ MEMORY_GIB = 1.0
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of `sor3d_evaluate`."""
+
     split: str = "val"
-    """which part of the data set"""
+    """split of the data set"""
     shown: int = 12
-    """answers that are kept to look at, spread over all sequences"""
+    """predictions that are kept for the sheet, spread over all sequences"""
     mirror: bool = True
-    """each is asked about twice, as it is and mirrored, and what is said is the mean; the paper asks once"""
+    """average the predictions of each sequence and of its mirror image; the paper predicts once"""
     device: str = "cpu"
     """cpu or cuda"""
 
 
 def run(dataset: FileTree, model: FileTree, params: Params, ctx: Context) -> InteractionScores:
-    """Ask about every sequence of the part."""
+    """Evaluate every sequence of the split."""
     from afford.common.files import copy_folder, empty_folder
     from afford.dataset import packed_sequences
     from afford.rgbd.evaluate.evaluation import evaluate_model

@@ -1,10 +1,9 @@
-"""clips of actions -> the first encoder of SOR3D-AFF's model, which learned to tell them apart.
+"""Pre-train the first encoder of SOR3D-AFF's model on the classification of actions.
 
-Reads   FileTree that action_pack or interaction_pack wrote
+Reads   FileTree of action_pack or interaction_pack
 Writes  Trained: files (model/encoder.safetensors, card.md, history.parquet, tensorboard/) and the TrainingLog
-Method  the encoder with an LSTM and a head of actions, which is left behind; the loop of sor3d_train
-Fails   when a part of the data set is empty, when validation shows an action that training does not, when the loss is not finite
-        any more
+Method  the encoder with an LSTM and an action head, which is discarded; the loop of sor3d_train
+Fails   when a split of the data set is empty, when validation has an action that training lacks, when the loss is not finite
 Paper   SOR3D-AFF, pre-training on UTKinect-Action3D (`PAPER`: its rate, batch and epochs)
 """
 
@@ -29,8 +28,10 @@ MACHINE = "bf16"  # a CPU without instructions for bfloat16 goes on in single pr
 
 @dataclass(frozen=True)
 class Params(InteractionTraining):
+    """Parameters of `sor3d_pretrain`."""
+
     row: str = "rgbd_attention_flow3d"
-    """the model whose encoder it is (sor3d_train); only those without depth have another"""
+    """model whose encoder is trained (sor3d_train); only rows without depth have another encoder"""
     steps: int = 300
     batch: int = 16
     lr: float = 3e-3
@@ -40,7 +41,7 @@ class Params(InteractionTraining):
 
 PAPER = Params(variant="paper", height_px=300, steps=4000, batch=2, lr=2e-5, warmup=1, decay=False, weight_decay=0.0, clip_norm=0.0,
                bf16=False, validate_every=400, flip_share=0.0, crop_share=0.0, colour_share=0.0, device="cuda")  # fmt: skip
-"""the paper's: 50 epochs of 160 clips, which is what action_pack leaves of UTKinect-Action3D to learn from"""
+"""parameters of the paper: 50 epochs of 160 clips, the training split of UTKinect-Action3D after action_pack"""
 
 
 def run(dataset: FileTree, params: Params, ctx: Context) -> Trained:

@@ -1,12 +1,12 @@
-"""scores of SOR3D-AFF's model, or of the rows of its ablation -> the report beside the paper's figures.
+"""Report the scores of SOR3D-AFF's model, or of the rows of its ablation, next to the paper's figures.
 
-Reads   the Recipes that were planned; InteractionScores of those that are trained and examined, named as their recipe; FlowScores
-        where the truth is known
+Reads   the planned Recipes; InteractionScores of the evaluated ones, named as their recipe; FlowScores of sequences with ground
+        truth
 Writes  metrics.json (video.iou, static.f, flow.epe_ratio, action.accuracy, ...; of an ablation <row>.video.iou, ...), report.md,
-        scores.json (seed by seed), sheet.png
+        scores.json (per seed), sheet.png
 Method  pixels pooled over sequences, then a mean over categories (docs/rgbd/sor3d.md); percentile intervals by resampling
         sequences; a row is the mean over its seeds, with the sample standard deviation
-Fails   when nothing was scored, or a score belongs to no recipe
+Fails   without scores, or when a score belongs to no recipe
 Paper   SOR3D-AFF, tables of results and ablations
 """
 
@@ -26,30 +26,32 @@ MEMORY_GIB = 0.5
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of `sor3d_report`."""
+
     rows: tuple[str, ...] = ("rgb", "rgb_attention", "rgb_attention_flow2d", "rgbd", "rgbd_attention", "rgbd_attention_flow3d",
                              "pretrained")
-    """sor3d_ablation: what is trained; pretrained is the whole model on an encoder that learned actions before"""
+    """sor3d_ablation: rows that are trained; pretrained is the whole model on an encoder that was pre-trained on actions"""
     seeds: int = 3
     """sor3d_ablation: trainings of each row, with the seeds first_seed, first_seed + 1, ..."""
     first_seed: int = 0
-    """sor3d_ablation: where the seeds begin; another on each of several machines, whose scores.json tell them apart"""
+    """sor3d_ablation: first seed; several machines use different ones, and their scores.json can be combined"""
     steps: int = 0
-    """sor3d_ablation: steps of each training; 0: as many as sor3d_train has"""
+    """sor3d_ablation: steps of each training; 0: those of sor3d_train"""
     pretrained: bool = False
-    """sor3d: whether its encoder learns actions before"""
+    """sor3d: pre-train the encoder on actions"""
     actions: str = ""
-    """folder of UTKinect-Action3D to learn actions from; '': the sequences themselves"""
+    """folder of UTKinect-Action3D for the pre-training; '': the sequences themselves"""
     resamples: int = 1000
-    """of the intervals"""
+    """bootstrap resamples of the intervals"""
     seed: int = 0
-    """of the intervals"""
+    """seed of the intervals"""
     ablation: bool = False
-    """figures by row; the target sets it"""
+    """report figures by row; set by the target"""
 
 
 def run(recipes: tuple[Recipe, ...], scores: tuple[InteractionScores, ...], params: Params, ctx: Context,
         more: tuple[InteractionScores, ...] = (), flows: tuple[FlowScore, ...] = ()) -> FileTree:  # fmt: skip
-    """One report of all; `more` are scores of a second group of trainings."""
+    """Write one report; `more` are scores of a second group of trainings."""
     from afford.common.files import empty_folder, tree
     from afford.rgbd.evaluate.report import ReportInput, write_report
 

@@ -1,13 +1,13 @@
-"""a data set of RGB-D interactions -> SOR3D-AFF's model: where an object affords what, with its card and its curves.
+"""Train SOR3D-AFF's model: affordances of the last frame and the action, from RGB-D interactions.
 
-Reads   FileTree that interaction_pack wrote; a Recipe, for a row of the ablation; the files of a pre-training (sor3d_pretrain), if
-        there was one; the VGG16 checkpoint that `backbones` names, if any
+Reads   FileTree of interaction_pack; a Recipe, for a row of the ablation; the files of a pre-training (sor3d_pretrain), if any;
+        the VGG16 checkpoint named by `backbones`, if any
 Writes  Trained: files (model/config.json, model/model.safetensors, card.md, history.parquet, tensorboard/, previews/) and the
         TrainingLog
-Method  Adam, linear warm-up and decay; order, augmentation and random states are functions of the seed and the step, so that a
-        training that was killed goes on to the same weights; the weights of the best validation are kept; several devices by
+Method  Adam, linear warm-up and decay; sampling, augmentation and random states are functions of the seed and the step, so that a
+        killed training resumes to the same weights; the weights of the best validation are kept; several devices by
         torch.distributed.run
-Fails   when a part of the data set is empty, when the variant or the row is not known, when the loss is not finite any more
+Fails   when a split of the data set is empty, when variant or row is unknown, when the loss is not finite
 Paper   SOR3D-AFF, training (`PAPER`: its rate, batch and epochs)
 """
 
@@ -32,16 +32,18 @@ MACHINE = "bf16"  # a CPU without instructions for bfloat16 goes on in single pr
 
 @dataclass(frozen=True)
 class Params(InteractionTraining):
+    """Parameters of `sor3d_train`."""
+
     static_share: float = 0.5
-    """the last frames of this share of a batch are learned beside it, as pictures; 0 in the paper"""
+    """share of a batch whose last frames are added as pictures; 0 in the paper"""
     foreground_weight: float = 3.0
-    """weight of pixels that afford something, against background; 1 in the paper"""
+    """weight of pixels with an affordance, relative to background; 1 in the paper"""
     turn: float = 0.5
     """share of the steps after which regions count as much as the action (before: a quarter of it); 0.75 in the paper"""
     dice_weight: float = 2.0
     """weight of the Dice loss; 0 in the paper"""
     coarse_share: float = 0.45
-    """share of the steps that come first, at half the size"""
+    """share of the first steps, at half the size"""
     backbones: str = ""
     """a VGG16 checkpoint for the stream of motion: a file, or a hub id"""
     steps: int = 1300
@@ -53,23 +55,23 @@ class Params(InteractionTraining):
 PAPER = Params(variant="paper", height_px=300, steps=96200, batch=2, lr=2e-5, warmup=1, decay=False, weight_decay=0.0,
                clip_norm=0.0, bf16=False, validate_every=4810, static_share=0.0, coarse_share=0.0, foreground_weight=1.0,
                turn=0.75, dice_weight=0.0, flip_share=0.0, crop_share=0.0, colour_share=0.0, device="cuda")  # fmt: skip
-"""the paper's: 200 epochs of 962 sequences"""
+"""parameters of the paper: 200 epochs of 962 sequences"""
 
 
 def run(dataset: FileTree, params: Params, ctx: Context, recipe: Recipe | None = None, encoder: FileTree | None = None,
         weights: FileTree | None = None) -> Trained:  # fmt: skip
-    """Train the model, from the `encoder` that a pre-training left, if any."""
-    from afford.models.weights import with_weights
+    """Train the model, from the `encoder` of a pre-training if there is one."""
+    from afford.models.weights import with_local_weights
     from afford.training.train import train_job
 
-    job = _job(with_weights(params, weights, "backbones"), recipe)
+    job = _job(with_local_weights(params, weights, "backbones"), recipe)
     if encoder is not None:
         job = job.starting_from(encoder)
     return train_job(job, dataset, recipe.name if recipe else "sor3d", ctx, THREADS, params.devices)
 
 
 def _job(p: Params, recipe: Recipe | None = None) -> Sor3dJob:
-    """What the parameters say, where a recipe (its row, its seed) does not."""
+    """Job of the parameters; a recipe overrides row and seed."""
     from afford.rgbd.model.losses import LossParams
     from afford.rgbd.model.model_inputs import Augmentation
     from afford.rgbd.train.job import adam_plan, config_of

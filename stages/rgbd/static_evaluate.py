@@ -1,12 +1,12 @@
-"""pictures with affordance labels + a trained model -> how well it tells them in static mode.
+"""Evaluate a trained model on single pictures with affordance labels.
 
-Reads   StaticSet (static_read: UMD, IIT-AFF), or InteractionClip, of which the last frame is taken; FileTree of a model: what
-        model_train (backend sor3d, or boxes for the box-supervised baseline) writes
-Writes  FileTree: metrics.json (iou, f, fw, by class; closed.*: the model may only say what the set has), report.md
-        (with the pictures that could not be read), sheet.png (a row for each of a few pictures: truth, likeliest, what has a
+Reads   StaticSet (static_read: UMD, IIT-AFF), or InteractionClips, of which the last frames are used; FileTree of a model of
+        sor3d_train or boxes_train
+Writes  FileTree: metrics.json (iou, f, fw, by class; closed.*: only classes of the set may be predicted), report.md (with the
+        pictures that could not be read), sheet.png (a row for each of a few pictures: truth, most likely class, regions of a
         confidence above 0.75, attention)
 Method  the middle square of every picture, at the model's size; probabilities are enlarged to the grid of the labels
-Fails   when no picture of the split is there, or none has an affordance
+Fails   when the split has no picture, or no picture has an affordance
 Paper   SOR3D-AFF: static images of its own data, UMD and IIT-AFF; AffordanceNet (Do, Nguyen and Reid 2018) for comparison
 """
 
@@ -31,10 +31,12 @@ BACKENDS = {
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of `static_evaluate`."""
+
     backend: str = "sor3d"
-    """which kind of model it is"""
+    """kind of the model: sor3d or boxes"""
     name: str = "static"
-    """what the set is called in the report"""
+    """name of the set in the report"""
     split: str = ""
     """train, val or test; '' for every picture"""
     threshold: float = 0.75
@@ -48,7 +50,7 @@ class Params:
 
 
 def run(samples: StaticSet | tuple[InteractionClip, ...], model: FileTree, params: Params, ctx: Context) -> FileTree:
-    """Ask the model about every picture of the split."""
+    """Evaluate the model on every picture of the split."""
     import numpy as np
 
     from afford.common.files import copy_folder, empty_folder, tree

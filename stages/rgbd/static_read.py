@@ -1,10 +1,10 @@
-"""files of pictures with affordance labels -> samples for static evaluation.
+"""Read pictures with affordance labels for static evaluation.
 
 Reads   FileTree of UMD part affordance or IIT-AFF (docs/rgbd/interaction-data.md)
-Writes  StaticSet: of every picture that was asked for its middle, depth where there is, label in our nine classes; a sentence for
-        each that cannot be read
-Method  classes are mapped to ours by name (afford/rgbd/readers/umd.py, iit_aff.py); those that we do not have become background
-Fails   SourceError, one sentence: file, field, expected, got, what to do; when the root is of another kind, has no such split, or
+Writes  StaticSet: the middle of every requested picture, depth if there is any, label in our nine classes; the error of each
+        picture that cannot be read
+Method  classes are mapped to ours by name (afford/rgbd/readers/umd.py, iit_aff.py); other classes become background
+Fails   SourceError, one sentence: file, field, expected, got, what to do; when the root is of another kind, lacks the split, or
         none of its pictures can be read
 Paper   SOR3D-AFF, section 6 (results on UMD and IIT-AFF, centre crop of 300 x 300)
 """
@@ -29,21 +29,23 @@ BACKENDS = {
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of `static_read`."""
+
     backend: str = "umd"
     """umd: UMD part affordance; iit-aff: IIT-AFF"""
     crop_px: int = 300
-    """side of the middle that is cut out, of a smaller picture the largest square; 0 for whole pictures. A sample takes 8 bytes a
-    pixel (5 without depth), and all are held at once, here and in static_evaluate"""
+    """side of the centre crop; smaller pictures give their largest square; 0 for whole pictures. A sample takes 8 bytes a pixel (5
+    without depth), and all samples are in memory at once, here and in static_evaluate"""
     every: int = 1
-    """take every n-th picture; 3 for UMD's labels by people"""
+    """take every n-th picture; 3 for the labels of UMD that people drew"""
     split: str = ""
-    """train, val or test: no other picture is decoded; '' for all"""
+    """train, val or test: other pictures are not decoded; '' for all"""
     umd: Umd = Umd()
     """parameters of umd"""
 
 
 def run(files: FileTree, params: Params) -> StaticSet:
-    """Samples of a source, by name."""
+    """Read the samples of a source, by name."""
     from afford.common.registry import block, load
     from afford.rgbd.readers.static_set import read_static_set
 

@@ -1,8 +1,8 @@
-"""what static_evaluate said of several models on the same pictures -> one table, the paper's figures below.
+"""Tabulate the results of static_evaluate for several models on the same pictures, above the paper's figures.
 
 Reads   FileTrees of static_evaluate: metrics.json
 Writes  FileTree: metrics.json (<method>.iou, .f, .fw, .closed.iou), report.md
-Method  side by side, in the order in which they come
+Method  one line per model, in the given order
 Fails   when a report has no figures
 Paper   SOR3D-AFF, results on static images; AffordanceNet (Do, Nguyen and Reid 2018) as it reports it
 """
@@ -21,12 +21,14 @@ MEMORY_GIB = 0.2
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of `static_report`."""
+
     name: str = "static"
-    """what the set is called in the report"""
+    """name of the set in the report"""
 
 
 def run(reports: tuple[FileTree, ...], params: Params, ctx: Context) -> FileTree:
-    """One table of all."""
+    """Write one table of all reports."""
     from afford.common.files import empty_folder, tree
     from afford.rgbd.evaluate.static_table import read_figures, write
 

@@ -46,11 +46,11 @@ class Params:
 def run(mesh: ObjectMesh, views: ObjectViews, params: Params, weights: FileTree | None = None) -> PartCandidates:
     """Propose part masks in all views."""
     from afford.common.registry import block, load
-    from afford.models.weights import with_weights
+    from afford.models.weights import with_local_weights
 
     if views.visible_area.shape != mesh.faces.shape[:1]:
         wanted, got = len(mesh.faces), len(views.visible_area)
         raise ValueError(f"views of {views.name}: expected {wanted} faces as {mesh.name} has, got {got}; render the views again")
-    own = with_weights(block(params, params.backend), weights)
+    own = with_local_weights(block(params, params.backend), weights)
     found: PartCandidates = load(BACKENDS, params.backend)(mesh, views, own)
     return found

@@ -40,8 +40,8 @@ def run(mesh: ObjectMesh, views: ObjectViews, candidates: PartCandidates, descri
         params: Params, weights: FileTree | None = None) -> PartScores:  # fmt: skip
     """Score every candidate for every described part."""
     from afford.common.registry import block, load
-    from afford.models.weights import with_weights
+    from afford.models.weights import with_local_weights
 
-    own = with_weights(block(params, params.backend), weights)
+    own = with_local_weights(block(params, params.backend), weights)
     found: PartScores = load(BACKENDS, params.backend)(mesh, views, candidates, descriptions, scorer, own)
     return found

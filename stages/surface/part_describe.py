@@ -48,9 +48,9 @@ class Params:
 def run(mesh: ObjectMesh, views: ObjectViews, params: Params, weights: FileTree | None = None) -> PartDescriptions:
     """Describe an object for its tasks."""
     from afford.common.registry import block, load
-    from afford.models.weights import with_weights
+    from afford.models.weights import with_local_weights
     from afford.surface.describe.lexicon import TASKS, known_category
 
-    describe, own = load(BACKENDS, params.backend), with_weights(block(params, params.backend), weights)
+    describe, own = load(BACKENDS, params.backend), with_local_weights(block(params, params.backend), weights)
     tasks = params.tasks or TASKS.get(known_category(mesh.category), ("",))
     return PartDescriptions(mesh.name, tuple(describe(mesh, views, task, own) for task in tasks))

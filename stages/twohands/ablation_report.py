@@ -1,10 +1,10 @@
-"""scores of every trained row and seed -> the ablation: mean and spread of each row, rows that are not finished marked.
+"""scores of all trained rows and seeds -> the ablation: mean and standard deviation of each row; unfinished rows are marked.
 
-Reads   the Recipes that were planned; MethodScores of those whose training and scoring are done, named as their recipe
+Reads   the planned Recipes; MethodScores of the finished ones, named after their recipe
 Writes  metrics.json (<row>.<measure>, <row>.<measure>.sd), ablation.md, ablation.json (seed by seed)
 Method  a measure of one seed is its mean over the cropped cases of kitchens (docs/twohands/benchmark.md); a row is the mean over
         its seeds, with the sample standard deviation
-Fails   when nothing was scored, or a score belongs to no recipe
+Fails   when there are no scores, or a score does not belong to a recipe
 Paper   2HandedAfforder, ablations; K hypotheses against one are ours
 """
 
@@ -24,17 +24,19 @@ MEMORY_GIB = 0.5
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of the stage."""
+
     rows: tuple[str, ...] = ("full", "no_text", "clip", "k1")
-    """what is trained: full, no_text, clip, k1, lisa, hotspot, extracted"""
+    """trained rows: full, no_text, clip, k1, lisa, hotspot, extracted"""
     seeds: int = 3
-    """trainings of each row, with the seeds 0, 1, ..."""
+    """number of trainings of each row, with the seeds 0, 1, ..."""
     steps: int = 1800
-    """steps of each training, fewer than those of model_train so that twelve end within the hour; 0 for as many"""
+    """steps of each training, fewer than in model_train so that twelve finish within an hour; 0 for the same number"""
 
 
 def run(recipes: tuple[Recipe, ...], scores: tuple[MethodScores, ...], params: Params, ctx: Context,
         others: tuple[MethodScores, ...] = ()) -> FileTree:  # fmt: skip
-    """One table of all rows; `others` are rows that learned from other data."""
+    """Write the table of all rows; `others` are rows that were trained on other data."""
     from afford.common.files import empty_folder, tree
     from afford.training import ablation
 

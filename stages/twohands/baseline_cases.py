@@ -1,10 +1,10 @@
-"""cases -> what a method without a network says of each: the rulers of the benchmark.
+"""cases -> predictions of a baseline without a network.
 
-Reads   a benchmark in ActAffordance's layout; a data set of dataset_pack (an empty tree where the baseline learns nothing)
+Reads   a benchmark in ActAffordance's layout; a data set of dataset_pack (an empty tree for a baseline without data)
 Writes  predictions.parquet, as predict_cases does
-Method  whole_object and object_box are oracles (they see the annotated objects); centre is a Gaussian; class_mean is where hands
-        went in the training split for the same verb and noun; extraction looks the frame up in a data set made from its video
-Fails   when a baseline that learns is given no data set
+Method  whole_object and object_box are oracles (they see the annotated objects); centre is a Gaussian; class_mean is the mean
+        mask in the training split for the same verb and noun; extraction is the frame in a data set made from its video
+Fails   when a baseline that needs a data set gets none
 Paper   2HandedAfforder, benchmark: AffExtract; the others are ours
 """
 
@@ -36,12 +36,14 @@ BACKENDS = {
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of the stage."""
+
     backend: str = "whole_object"
     """whole_object, object_box, centre, class_mean or extraction; also its name in the report"""
 
 
 def run(cases: FileTree, dataset: FileTree, params: Params, ctx: Context) -> FileTree:
-    """Ask the baseline about every case; a case it has nothing to say of gets no row."""
+    """Predict all cases; a case without a prediction gets no row."""
     from afford.common.files import copy_folder, empty_folder, tree
     from afford.common.registry import load
     from afford.dataset import act_affordance
@@ -54,9 +56,9 @@ def run(cases: FileTree, dataset: FileTree, params: Params, ctx: Context) -> Fil
 
     def rows() -> Iterator[tuple[str, Prediction]]:
         for n, files in enumerate(listed):
-            said = answer(read(files))
-            if said is not None:
-                yield files.where, said
+            prediction = answer(read(files))
+            if prediction is not None:
+                yield files.where, prediction
             ctx.progress(n + 1, len(listed))
 
     out = empty_folder(ctx.scratch / "out")

@@ -2,8 +2,8 @@
 
 Reads   MethodScores of every method, all on the same cases
 Writes  metrics.json, report.md, tables.tex, cases.json, plots/, sheets/
-Method  means over cases with bootstrap intervals; kitchens, other scenes, EPIC and Ego4D, cropped and whole images in rows of
-        their own; the published rows beside ours
+Method  means over cases with bootstrap intervals, by scene (kitchens, others), source (EPIC, Ego4D) and set (cropped, masks);
+        published scores are listed for comparison
 Fails   when two methods share a name, or were scored on different cases
 Paper   2HandedAfforder, ActAffordance benchmark
 """
@@ -23,8 +23,10 @@ MEMORY_GIB = 1.0
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of the stage."""
+
     predictions: tuple[str, ...] = ()
-    """folders with masks of other methods to score as well; read when the graph is built (docs/twohands/benchmark.md)"""
+    """folders with masks of other methods to score; read when the graph is built (docs/twohands/benchmark.md)"""
     resamples: int = 1000
     """resampled sets of cases behind every interval"""
     seed: int = 0
@@ -32,7 +34,7 @@ class Params:
 
 
 def run(scores: tuple[MethodScores, ...], others: tuple[MethodScores, ...], params: Params, ctx: Context) -> FileTree:
-    """One report of our methods and of `others`, in this order."""
+    """Write one report of `scores` and `others`, in this order."""
     from afford.common.files import empty_folder
     from afford.twohands.benchmark import report
 

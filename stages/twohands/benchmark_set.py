@@ -4,8 +4,8 @@ Reads   Stills of every room, masks at 855 px width
 Writes  {masks,cropped}/<video>/<frame>/{inpainting.png, annotation.json, aff_*.png, obj_*.png, modes.json, mode*_*.png};
         README.md, stills.json
 Method  masks: the picture and its masks, black above to a square, as published; cropped: picture at the size of the masks,
-        cut to the box of the objects and 50 px around. modes.json lists every valid way, the likeliest first
-Fails   when no room gives a still
+        cut to the box of the objects and 50 px around. modes.json lists the valid modes, the most probable first
+Fails   when no room has a still
 Paper   2HandedAfforder, ActAffordance: layout and crop; several modes per task are ours
 """
 
@@ -24,6 +24,8 @@ MEMORY_GIB = 1.0
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of the stage."""
+
     name: str = "afford-stills-benchmark"
     """name of the benchmark"""
     crop_px855: int = 50
@@ -31,7 +33,7 @@ class Params:
 
 
 def run(stills: tuple[Stills, ...], params: Params, ctx: Context) -> FileTree:
-    """Write the benchmark into the scratch folder and return it as files."""
+    """Write the benchmark and return its files."""
     from afford.common import files
     from afford.dataset.act_affordance import write_benchmark
 

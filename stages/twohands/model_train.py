@@ -6,9 +6,9 @@ Reads   FileTree of a data set: what dataset_pack writes, released 2HANDS (h5 + 
 Writes  Trained: files (model/config.json, model/model.safetensors, card.md, history.parquet, tensorboard/, previews/) and the
         TrainingLog
 Method  AdamW, linear warm-up and decay; order, augmentation and random states are functions of the seed and the step, so that
-        a training that was killed goes on to the same weights; the weights of the best validation are kept, and the threshold
-        that was best there; several devices by torch.distributed.run
-Fails   when a part of the data set is empty or lacks a column, when the loss is not finite any more
+        a resumed training ends in the same weights; the weights and the threshold of the best validation are kept; several
+        devices by torch.distributed.run
+Fails   when a split of the data set is empty or lacks a column, or when the loss is not finite
 Paper   2HandedAfforder, training (LISA's optimiser and schedule; batch and learning rate are ours, for a model without
         pretrained parts)
 """
@@ -30,21 +30,23 @@ LIBRARIES = ("numpy", "torch", "transformers", "tokenizers", "peft", "safetensor
              "pycocotools", "blake3", "protobuf", "foxglove-schemas-protobuf", "mcap", "mcap-protobuf-support")  # fmt: skip
 THREADS = 2
 MEMORY_GIB = 2.0
-MACHINE = "bf16"  # a CPU without instructions for bfloat16 goes on in single precision
+MACHINE = "bf16"  # a CPU without instructions for bfloat16 trains in single precision
 
 
 @dataclass(frozen=True)
 class Params(Optimisation):
+    """Parameters of the stage."""
+
     variant: str = "small"
-    """small (from nothing, on a CPU), clip (2HAff-CLIP) or vlm (2HandedAfforder)"""
+    """small (from random weights, on a CPU), clip (2HAff-CLIP) or vlm (2HandedAfforder)"""
     hypotheses: int = 3
-    """regions proposed for each hand; 1 is the paper's model"""
+    """regions predicted for each hand; 1 is the paper's model"""
     text: bool = True
-    """whether the model is told the task"""
+    """prompt the model with the task"""
     decoders: int = 2
-    """2, or 1: one region for whichever hand, as LISA has it"""
+    """2, or 1: one region for either hand, as in LISA"""
     target: str = "affordance"
-    """what is learned: affordance, or object (the complete object of each hand)"""
+    """training target: affordance, or object (the complete object of each hand)"""
     backbones: str = ""
     """clip, vlm: folder of pretrained parts or a hub id, tiny random ones without"""
     height_px: int = 128
@@ -53,20 +55,20 @@ class Params(Optimisation):
     """width of the model's input; clip and vlm are square, as high as wide"""
     steps: int = 4500
     coarse_share: float = 0.53
-    """share of the steps that come first, at half the size, with twice as many samples; of small alone"""
+    """small: share of first steps, at half the size with twice as many samples"""
     accumulate: int = 2
     """micro-batches per step; those of small are computed at the same time on a CPU"""
     lr: float = 2e-3
     warmup: int = 100
     validate_every: int = 1500
     val_samples: int = 256
-    """samples that judge, every second one cropped to its objects"""
+    """validation samples, every second one cropped to its objects"""
     split_by: str = "given"
-    """given: the data set's own train and val; video, object: a share of them, by hash, that never meets the rest"""
+    """given: train and val of the data set; video, object: split by hash, so that a video or object is in one split only"""
     val_fraction: float = 0.1
-    """share that judges where it is divided by video or object"""
+    """share for validation when split by video or object"""
     balance: float = 0.5
-    """0: samples as they are; 1: every verb with its taxonomy equally often"""
+    """0: samples as they are; 1: every pair of verb and taxonomy equally often"""
     flip_share: float = 0.5
     """share of samples that are mirrored, with hands and words"""
     crop_share: float = 0.8
@@ -74,38 +76,38 @@ class Params(Optimisation):
     stretch_share: float = 0.5
     """share of samples that are made wider or narrower"""
     nameless_share: float = 0.0
-    """share of samples whose things are called by a word that means nothing; they are cropped, and only the picture tells"""
+    """share of samples that are cropped and whose nouns are replaced by random words"""
     colour_share: float = 0.5
     """share of samples whose colours are changed"""
     zoom: float = 2.0
-    """samples are kept at this many times the model's size, so that crops stay sharp"""
+    """samples are cached at this many times the input size, so that crops stay sharp"""
     loss_mode: str = "paper"
-    """paper or code (docs/twohands/models.md): what an idle hand costs, and what the taxonomy loss is taken of"""
+    """paper or code (docs/twohands/models.md): the mask loss of an idle hand, and the input of the taxonomy loss"""
     mask_loss: str = "bce"
-    """focal or bce; '' is what the mode says (paper: focal); from nothing, bce learns faster"""
+    """focal or bce; '' follows the mode (paper: focal); from random weights, bce learns faster"""
     mask_weight: float = 1.0
     """weight of the mask loss; 2 in the paper"""
     dice_weight: float = 2.0
     """weight of the Dice loss; 0.5 in the paper"""
     object_weight: float = 1.0
-    """weight of telling the complete object of each hand, which small does beside its regions; 0 for the paper's losses"""
+    """small: weight of the loss of the complete object of each hand; 0 for the paper's losses"""
     centre_weight: float = 1.0
-    """weight of telling where in the whole picture the things are, of which a crop shows a part: left or right hand is a matter
-    of that; small tells it beside its regions; 0 for the paper's losses"""
+    """small: weight of the loss of the objects' position in the whole picture, which decides between left and right hand, but is
+    not visible in a crop; 0 for the paper's losses"""
 
 
 def run(dataset: FileTree, params: Params, ctx: Context, recipe: Recipe | None = None,
         weights: FileTree | None = None) -> Trained:  # fmt: skip
     """Train the model."""
-    from afford.models.weights import with_weights
+    from afford.models.weights import with_local_weights
     from afford.training.train import train_job
 
-    job = _job(with_weights(params, weights, "backbones"), recipe)
+    job = _job(with_local_weights(params, weights, "backbones"), recipe)
     return train_job(job, dataset, recipe.name if recipe else params.variant, ctx, THREADS, params.devices)
 
 
 def _job(p: Params, recipe: Recipe | None = None) -> TwoHandsJob:
-    """What the parameters say, where a recipe does not say otherwise."""
+    """Build the training job from the parameters, with those of a recipe replaced."""
     from afford.training.params import plan_of
     from afford.twohands.model.interface import ModelConfig
     from afford.twohands.model.losses import LossParams
@@ -114,7 +116,7 @@ def _job(p: Params, recipe: Recipe | None = None) -> TwoHandsJob:
     from afford.twohands.train.samples import Split
 
     if p.backbones and not (recipe or p.variant != "small"):
-        raise ValueError(f"model_train: expected no backbones for variant {p.variant}, which starts from nothing, got "
+        raise ValueError(f"model_train: expected no backbones for variant {p.variant}, which starts from random weights, got "
                          f"{p.backbones!r}; leave them out")
     if recipe is not None:
         p = replace(p, variant=recipe.variant, hypotheses=recipe.hypotheses, text=recipe.text, decoders=recipe.decoders,
@@ -134,5 +136,5 @@ def _job(p: Params, recipe: Recipe | None = None) -> TwoHandsJob:
 
 
 def _parallel(p: Params) -> int:
-    """Micro-batches computed at the same time: each takes a thread, which serves it better than half of two threads would."""
+    """Number of micro-batches computed in parallel, each on one thread; faster than one micro-batch on two threads."""
     return min(THREADS, p.accumulate) if p.variant == "small" and p.device == "cpu" and p.devices == 1 else 1

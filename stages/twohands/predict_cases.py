@@ -1,9 +1,9 @@
-"""cases + a trained model -> what the model says of each case.
+"""cases + a trained model -> predictions of the model for each case.
 
 Reads   a benchmark in ActAffordance's layout; a model: config.json and model.safetensors, as model_train writes them
 Writes  predictions.parquet: probabilities of every hypothesis and hand, scores, taxonomy, chosen hands, threshold
-Method  one image and its task at a time, together with its mirror image; small things in a second look. `shuffled` gives every
-        case the task of another one, `removed` an empty task: what the words are worth
+Method  one image and its task at a time, averaged with its mirror image; a second look at the crop of small objects. `shuffled`
+        prompts with the task of another case, `removed` with an empty one, to measure the effect of the text
 Fails   when a case or the model cannot be read
 Paper   2HandedAfforder, benchmark and ablations
 """
@@ -28,16 +28,18 @@ MEMORY_GIB = 2.0
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of the stage."""
+
     name: str = "small"
     """name of the method in the report; '' is the model's own"""
     text: Literal["given", "shuffled", "removed"] = "given"
-    """the task the model is told: the case's own, that of another case, or none"""
+    """task in the prompt: that of the case, that of another case, or an empty one"""
     hands: Literal["auto", "left", "right", "both"] = "auto"
-    """auto: the taxonomy head chooses which hands are returned; else these are, always"""
+    """returned hands; auto: selected by the taxonomy head"""
     looks: int = 2
-    """2: a thing that fills little of the picture is looked at again in its crop, by models that tell what the thing is; 1: not"""
+    """2: predict again on the crop of a small object, for models that output complete objects; 1: do not"""
     mirror: bool = True
-    """each picture is looked at together with its mirror image, and what is said of both averaged"""
+    """average the predictions of each picture and its mirror image"""
     seed: int = 0
     """seed of the shuffling"""
     device: str = "cpu"
@@ -45,12 +47,11 @@ class Params:
 
 
 def run(cases: FileTree, model: FileTree, params: Params, ctx: Context) -> FileTree:
-    """Ask the model about every case."""
+    """Predict all cases."""
     from afford.common.files import copy_folder, empty_folder, tree
     from afford.dataset import act_affordance
-    from afford.twohands.benchmark import cases as cases_module
     from afford.twohands.benchmark import predictions_file
-    from afford.twohands.benchmark.cases import picture, task
+    from afford.twohands.benchmark.cases import picture, prompts, task
     from afford.twohands.model.predictor import Predictor
 
     predictor = Predictor(copy_folder(model, "config.json", empty_folder(ctx.scratch / "model")), params.device,
@@ -58,9 +59,9 @@ def run(cases: FileTree, model: FileTree, params: Params, ctx: Context) -> FileT
     listed = act_affordance.cases(cases)
 
     def rows() -> Iterator[tuple[str, Prediction]]:
-        told = cases_module.prompts([task(files) for files in listed], params.text, params.seed)
-        for n, (files, said) in enumerate(zip(listed, told, strict=True)):
-            yield files.where, predictor.predict(picture(files), said, params.hands, params.looks)
+        tasks = prompts([task(files) for files in listed], params.text, params.seed)
+        for n, (files, prompt) in enumerate(zip(listed, tasks, strict=True)):
+            yield files.where, predictor.predict(picture(files), prompt, params.hands, params.looks)
             ctx.progress(n + 1, len(listed))
 
     out = empty_folder(ctx.scratch / "out")

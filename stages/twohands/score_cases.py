@@ -1,11 +1,11 @@
-"""predictions + the cases they are for -> every measure, case by case.
+"""predictions + cases -> all measures of each case.
 
 Reads   a benchmark in ActAffordance's layout (docs/twohands/benchmark.md); predictions: what `predict_cases` or `baseline_cases`
         wrote, or masks of any method in the released layout
 Writes  MethodScores: strict measures and the released script's own, taxonomy, reliability, sheets of best, median and worst
-Method  strict counts every case and every pixel, takes the valid mode that fits best, and looks at each hand as well; compat is
-        what the released script computes, bit for bit, with what it skips
-Fails   when a case cannot be read, or a folder of predictions holds none
+Method  strict measures count every case and every pixel, use the valid mode that fits best, and also score each hand; compat
+        measures are those of the released script, bit for bit, including the cases that it skips
+Fails   when a case cannot be read, or a folder has no predictions
 Paper   2HandedAfforder, ActAffordance benchmark: IoU, precision, directed Hausdorff distance, mAP over five thresholds
 """
 
@@ -27,24 +27,26 @@ MEMORY_GIB = 1.0
 
 @dataclass(frozen=True)
 class Params:
+    """Parameters of the stage."""
+
     levels: tuple[float, ...] = (0.1, 0.2, 0.3, 0.5, 0.7)
-    """thresholds of mAP, where the method gives probabilities; folders of masks have their own"""
+    """thresholds of mAP for a method with probabilities; folders of masks have their own"""
     level: float = 0.5
-    """the threshold that strict measures take of a folder with several; methods with probabilities bring their own"""
+    """threshold of the strict measures for a folder with several; a method with probabilities has its own"""
     protocol: Literal["cropped", "masks"] = "cropped"
-    """which set a folder of predictions without a folder `cropped` or `masks` is for"""
+    """set of a folder of predictions without a folder `cropped` or `masks`"""
     truth: Literal["png", "toras"] = "png"
     """png: aff_*.png (or modes.json) of each case; toras: outlines of the *toras_anns.json files in the benchmark's folder"""
     swap: bool = False
-    """score left as right and right as left: what telling the hands apart is worth"""
+    """exchange left and right, to measure the effect of telling the hands apart"""
     proposals: int = 3
-    """ways to do the task (a choice of hands and a hypothesis) that best_mode_iou looks at: the most probable ones of any method"""
+    """proposals (a choice of hands and a hypothesis) that best_mode_iou uses: the most probable ones of each method"""
     calibration_floor: float = 0.05
-    """pixels of lower predicted probability do not count for calibration"""
+    """least predicted probability of pixels that count for calibration"""
 
 
 def run(cases: FileTree, predictions: FileTree, params: Params) -> MethodScores:
-    """Score one method; its name is that of its tree."""
+    """Score one method, named after its tree."""
     from afford.dataset import act_affordance
     from afford.twohands.benchmark import answers, case_sheets, score
     from afford.twohands.benchmark.cases import read
@@ -55,8 +57,8 @@ def run(cases: FileTree, predictions: FileTree, params: Params) -> MethodScores:
     listed = {files.where: files for files in act_affordance.cases(cases)}
 
     def answer(case: Case) -> Answer:
-        said = method.answer(case)
-        return said.swapped() if params.swap else said
+        found = method.answer(case)
+        return found.swapped() if params.swap else found
 
     def fetch(case_id: str) -> tuple[Case, Answer]:
         case = read(listed[case_id], outlines)

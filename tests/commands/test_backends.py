@@ -1,4 +1,4 @@
-"""`pipeline.py backends`: every registry of every stage, and what stands in the way of each backend here."""
+"""The verb `backends`: the table of all registries, and the reasons why a backend is not usable here."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ LEARNED = {("mask_densify", "sam2"), ("object_completion", "sam2"), ("mask_propo
 
 
 def found(*words: str | Path) -> dict[tuple[str, str], dict[str, object]]:
-    told = call("backends", "--json", *words)
-    assert told.code == 0, told.words
-    return {(row["stage"], row["backend"]): row for row in told.json}
+    shown = call("backends", "--json", *words)
+    assert shown.code == 0, shown.words
+    return {(row["stage"], row["backend"]): row for row in shown.json}
 
 
-def test_every_entry_of_every_registry_is_listed_with_a_sentence() -> None:
-    """Those of the stages as Python sees them; each says what it does, and no two of a stage say the same."""
+def test_registry_entries_are_listed_with_a_sentence() -> None:
+    """Each has a description, and no two of a stage have the same."""
     rows = found()
     for stage, module in MODULES.items():
         for name in getattr(importlib.import_module(module), "BACKENDS", {}):
             assert len(str(rows[stage, name]["about"]).split()) > 2, (stage, name)
-        told = [row["about"] for (owner, _), row in rows.items() if owner == stage]
-        assert len(set(told)) == len(told), stage
+        shown = [row["about"] for (owner, _), row in rows.items() if owner == stage]
+        assert len(set(shown)) == len(shown), stage
 
 
-def test_what_a_backend_says_it_needs_is_what_it_reads() -> None:
-    """Those that read weights say so, and their parameters have a model, a device and a type of numbers."""
+def test_backends_declare_their_weights() -> None:
+    """Parameters of such a backend have a model, a device and a data type."""
     rows = found()
     assert {key for key, row in rows.items() if "weights" in str(row["needs"])} >= LEARNED
     for stage, name in LEARNED:
@@ -43,8 +43,8 @@ def test_what_a_backend_says_it_needs_is_what_it_reads() -> None:
         assert (own.model, own.device, own.dtype) == ("", "cpu", "float32")
 
 
-def test_why_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """No weights named, a folder that is empty, weights that are there; no server, no key, a key; the key is not shown."""
+def test_reasons_why_a_backend_is_not_usable(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No weights named, an empty folder, no server, no key. The key itself is never shown."""
     empty, full = tmp_path / "empty", tmp_path / "full"
     empty.mkdir()
     full.mkdir()
@@ -66,7 +66,7 @@ def test_why_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_packages_that_are_missing_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With how to get them."""
+    """The reason says how to install them."""
     monkeypatch.setattr(backends.importlib.util, "find_spec", lambda name: None if name == "transformers" else name)
     why = str(found("mask_densify")["mask_densify", "sam2"]["why_not"])
     assert why.startswith("not installed: transformers; make setup")
@@ -74,12 +74,12 @@ def test_packages_that_are_missing_are_named(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_an_unknown_stage_is_refused() -> None:
-    told = call("backends", "mask_densfy")
-    assert told.code == 2 and "did you mean 'mask_densify'?" in told.err
+    shown = call("backends", "mask_densfy")
+    assert shown.code == 2 and "did you mean 'mask_densify'?" in shown.err
 
 
-def test_nothing_heavy_is_imported() -> None:
-    """The table is read from source."""
+def test_the_table_imports_nothing_heavy() -> None:
+    """Descriptions are read from source files."""
     code = ("import sys\nfrom pipeline import main\nmain(['backends', 'mask_densify'])\n"
             "print([name for name in ('torch', 'transformers', 'cv2', 'numba') if name in sys.modules])")  # fmt: skip
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
@@ -87,7 +87,7 @@ def test_nothing_heavy_is_imported() -> None:
 
 
 def test_the_page_shows_the_table_that_the_command_writes(tmp_path: Path) -> None:
-    """docs/backends.md is written by `backends --out`; a page without marks is left alone."""
+    """`backends --out` writes docs/backends.md, and refuses a page without markers."""
     page = tmp_path / "backends.md"
     page.write_text((ROOT / "docs" / "backends.md").read_text(encoding="utf-8"), encoding="utf-8")
     assert call("backends", "--out", page).code == 0
@@ -104,8 +104,8 @@ def test_sentences_end_where_they_end() -> None:
     assert backends._sentence("Medical. More.") == "Medical."
 
 
-def test_what_chooses_a_row_can_be_set() -> None:
-    """STAGE.PARAMETER is a field of the Params of a stage; anything else names its registry. No choice is told twice."""
+def test_parameters_of_the_table_exist() -> None:
+    """STAGE.PARAMETER is a field of the Params of a stage; other rows name a registry. No choice is listed twice."""
     for row in found().values():
         stage, _, field = str(row["parameter"]).partition(".")
         if ":" in str(row["parameter"]):

@@ -1,4 +1,4 @@
-"""Bad input: one clear sentence that names file, field, what was expected, what was got and what to do; nothing else fails."""
+"""Bad input of the reader: one clear sentence with file, field, value and advice; other videos are read."""
 
 from __future__ import annotations
 
@@ -128,7 +128,7 @@ REFUSED: list[tuple[Callable[[Path], None], str]] = [
     (words_for_corners, r"annotation 1, field 'segments': expected polygons as lists of \[x, y\] numbers, got .*; correct"),
     (name_of_another_kind, r"image 1 \(.*\), annotation 1, field 'name': expected str, got int; compare"),
     (another_document, r"P95_01\.json: expected 'video_annotations' \(VISOR\) or .*, got frames; see docs/.*/own-video\.md"),
-    (no_points, r"P95_01: expected at least one image with masks, got none; annotate some frames"),
+    (no_points, r"P95_01: expected at least one image with masks, got files without masks; annotate some frames"),
     (frame_twice, r"image 2 \(.*\): expected one entry per frame, got a second one for frame 1; merge the two"),
 ]
 
@@ -137,7 +137,7 @@ REFUSED: list[tuple[Callable[[Path], None], str]] = [
 def test_a_bad_file_is_refused_in_one_sentence_and_its_video_fails_alone(
     tmp_path: Path, spoil: Callable[[Path], None], sentence: str
 ) -> None:
-    """The other video of the root is read as if nothing were wrong, unless the table they share is no table."""
+    """The other video of the root is read, unless their common table is invalid."""
     write_root(tmp_path, "P95_02")
     write_root(tmp_path, "P95_01", rows=[row("P95_01"), row("P95_02")])
     spoil(tmp_path)
@@ -163,7 +163,7 @@ def names(clip: Clip) -> list[str]:
 
 
 def test_a_polygon_outside_the_image_is_left_out_and_one_across_its_border_cut_off(tmp_path: Path) -> None:
-    """Both are said; annotations beside them are not touched."""
+    """Both are reported; other annotations are unchanged."""
     outside = [[2000.0, 50.0], [2100.0, 50.0], [2100.0, 90.0]]
     across = [[1900.0, 50.0], [2100.0, 50.0], [2100.0, 90.0]]
     rows = [hand(), mask("mug", "m", [across]), mask("pan", "p", [outside])]
@@ -174,7 +174,7 @@ def test_a_polygon_outside_the_image_is_left_out_and_one_across_its_border_cut_o
 
 
 def test_empty_polygons_are_passed_over_and_an_annotation_of_nothing_is_left_out(tmp_path: Path) -> None:
-    """`[]` beside a real outline costs nothing; a contact with a mask that is not there counts as inconclusive."""
+    """`[]` besides a real outline has no effect; a contact with a missing mask counts as inconclusive."""
     clip = read_points(tmp_path, [image("P95_01", 1, [hand([SQUARE, []]), mask("mug", "m", [])])])
     (annotation,) = clip.key_frames[0].annotations
     assert len(annotation.polygons) == 1 and annotation.contact == "inconclusive"
@@ -182,14 +182,14 @@ def test_empty_polygons_are_passed_over_and_an_annotation_of_nothing_is_left_out
 
 
 def test_an_unknown_contact_id_counts_as_inconclusive(tmp_path: Path) -> None:
-    """And is said, with image and id."""
+    """The warning has the image and the id."""
     clip = read_points(tmp_path, [image("P95_01", 1, [mask("left hand", "h", in_contact_object="ghost")])])
     assert clip.key_frames[0].annotations[0].contact == "inconclusive"
     assert "P95_01_frame_0000000001.jpg" in clip.warnings[0] and "'ghost', which is no mask of this frame" in clip.warnings[0]
 
 
 def test_a_frame_with_a_hand_annotated_twice_is_left_out(tmp_path: Path) -> None:
-    """Which of the two is meant cannot be known; without the hand the frame would claim that it is out of sight."""
+    """The right one cannot be known; without a hand the frame would claim that the hand is out of sight."""
     twice = image("P95_01", 16, [hand(), mask("left hand", "h2", [OTHER]), mask("mug", "m", [OTHER])])
     clip = read_points(tmp_path, [image("P95_01", 1), twice])
     assert [key.frame for key in clip.key_frames] == [1]
@@ -197,13 +197,13 @@ def test_a_frame_with_a_hand_annotated_twice_is_left_out(tmp_path: Path) -> None
 
 
 def test_the_same_hand_written_twice_is_one_hand(tmp_path: Path) -> None:
-    """Identical outlines are a copy, not a doubt."""
+    """Identical outlines are a copy."""
     clip = read_points(tmp_path, [image("P95_01", 1, [hand(), hand(), mask("mug", "m", [OTHER])])])
     assert names(clip) == ["left hand", "mug"] and clip.key_frames[0].annotations[0].contact == "m"
 
 
-def test_masks_of_another_resolution_are_scaled_when_they_say_so_and_told_when_not(tmp_path: Path) -> None:
-    """A stated grid is used; masks that all lie in one corner of 1920 x 1080 were perhaps drawn on a smaller one."""
+def test_masks_of_another_resolution_are_scaled_or_reported(tmp_path: Path) -> None:
+    """A stated grid is used; masks that all lie in one corner of 1920 x 1080 may have been drawn on a smaller one."""
     small = [[x / 3, y / 3] for x, y in OTHER]
     point = image("P95_01", 1, [mask("mug", "m", [small])])
     assert "upper left quarter of the 1920x1080 grid" in read_points(tmp_path / "a", [point]).warnings[0]
@@ -212,13 +212,13 @@ def test_masks_of_another_resolution_are_scaled_when_they_say_so_and_told_when_n
 
 
 def test_a_few_annotations_behind_the_end_of_the_video_are_left_out(tmp_path: Path) -> None:
-    """Within half a second of the end: tools disagree about the last frames."""
+    """Tools disagree about the last frames, within half a second of the end."""
     clip = read_points(tmp_path, [image("P95_01", 1), image("P95_01", 44)])
     assert [key.frame for key in clip.key_frames] == [1] and "frame 44 is annotated but not among" in clip.warnings[0]
 
 
-def test_of_a_truncated_video_the_frames_that_are_there_are_used(tmp_path: Path) -> None:
-    """Key frames behind the cut are left out and said; frames before it are decoded with their own numbers."""
+def test_a_truncated_video_is_used_up_to_the_cut(tmp_path: Path) -> None:
+    """Key frames behind the cut are omitted with a warning; earlier frames keep their numbers."""
     points = [image("P95_01", frame) for frame in (1, 16, 31, 46, 61, 76)]
     write_root(tmp_path, points=points, frames=80)
     write_video(video(tmp_path), 80, front=True)
@@ -231,7 +231,7 @@ def test_of_a_truncated_video_the_frames_that_are_there_are_used(tmp_path: Path)
 
 
 def test_a_narration_that_matches_no_frame_is_listed(tmp_path: Path) -> None:
-    """It labels nothing and stops nothing; a video without any narration says so."""
+    """The narration labels nothing and stops nothing; a video without narration is reported."""
     write_root(tmp_path, rows=[row("P95_01"), row("P95_01", 1, start_frame=5000, stop_frame=5100)])
     (clip,) = clips(tmp_path)
     assert [n.narration_id for n in clip.narrations] == ["P95_01_0"]
@@ -241,13 +241,13 @@ def test_a_narration_that_matches_no_frame_is_listed(tmp_path: Path) -> None:
 
 
 def test_a_clip_without_hands_in_contact_is_a_clip(tmp_path: Path) -> None:
-    """That it gives no sample is the business of later stages."""
+    """Later stages decide that it gives no sample."""
     clip = read_points(tmp_path, [image("P95_01", 1, [mask("mug", "m")])])
     assert names(clip) == ["mug"] and clip.warnings == ()
 
 
 def test_long_and_unicode_narrations_come_through(tmp_path: Path) -> None:
-    """40,000 characters, line breaks, quotes and scripts of all kinds, from the file to the label."""
+    """40,000 characters, line breaks, quotes and several scripts, from the file to the label."""
     text = ('κόψε "το" ψωμί, 切面包 🍞\n' * 2000)[:40_000]
     write_root(tmp_path, rows=[row("P95_01", narration=text, noun="面包", noun_class=-1, all_nouns="['面包']")])
     (clip,) = clips(tmp_path)
@@ -257,21 +257,21 @@ def test_long_and_unicode_narrations_come_through(tmp_path: Path) -> None:
 
 
 def test_unicode_names_are_names(tmp_path: Path) -> None:
-    """Of objects and of videos."""
+    """Names of objects and of videos."""
     write_root(tmp_path, "Küche_01", points=[image("Küche_01", 1, [mask("茶壶", "m")])], rows=[row("Küche_01")])
     (clip,) = clips(tmp_path, "Küche_01")
     assert clip.clip_id == "Küche_01" and names(clip) == ["茶壶"]
 
 
 def test_a_parameter_out_of_range_is_refused(tmp_path: Path) -> None:
-    """Before any file is opened."""
+    """The error comes before any file is opened."""
     write_root(tmp_path)
     with pytest.raises(ValueError, match="max_frames of 2 or more"):
         clips(tmp_path, params=source_read.Params(max_frames=1))
 
 
 def test_a_mapping_or_correction_that_is_no_json_is_named(tmp_path: Path) -> None:
-    """The small files beside the tables are checked like the rest."""
+    """The small files besides the tables are checked like the rest."""
     write_root(tmp_path)
     (tmp_path / "corrections.json").write_text(json.dumps({"a": 1})[:-1])
     with pytest.raises(SourceError, match=r"corrections\.json, line 1: expected JSON"):

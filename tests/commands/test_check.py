@@ -1,4 +1,4 @@
-"""Laws of `pipeline.py check`: it says what `run` would make of a source, refuses what `run` refuses, and writes nothing."""
+"""The verb `check`: shows how `run` would read a source, refuses the same input, and writes nothing."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 
 from afford.extraction.sources.discover import discover
 from stages.extraction import source_read
-from tests.extraction.test_readers_own import coco, compressed, read_own
+from tests.extraction.test_own_video import coco, compressed, read_own
 from tests.helpers import made_epic
 from tests.helpers.command import call
 from tests.helpers.mesh_files import box
@@ -19,21 +19,21 @@ from tests.helpers.tiny_root import digest, image, mask, write_root, write_video
 
 
 def own(folder: Path, **more: Any) -> Path:
-    """A video of one's own with masks and a narration."""
+    """A user's video with masks and a narration."""
     folder.mkdir(parents=True, exist_ok=True)
     read_own(folder, coco(compressed(), **more))
     return folder
 
 
 def checked(folder: Path, code: int = 0) -> dict[str, Any]:
-    """What `check --json` says."""
-    said = call("check", folder, "--json")
-    assert said.code == code, said.words
-    found: dict[str, Any] = said.json
+    """Output of `check --json`."""
+    result = call("check", folder, "--json")
+    assert result.code == code, result.words
+    found: dict[str, Any] = result.json
     return found
 
 
-def test_it_says_what_the_reader_makes_of_a_source(tmp_path: Path) -> None:
+def test_the_report_agrees_with_the_reader(tmp_path: Path) -> None:
     """Clips, frames, masks by category, contacts, narrations and warnings are those of source_read."""
     root = own(tmp_path / "mine", in_contact_object="bogus")
     (clip,) = source_read.run(discover(root, digest).videos[0], source_read.Params())
@@ -48,15 +48,15 @@ def test_it_says_what_the_reader_makes_of_a_source(tmp_path: Path) -> None:
     assert [(n["verb"], n["noun"], n["start_frame"]) for n in video["narrations"]] == [("pick-up", "mug:red", 1)]
 
 
-def test_a_person_reads_the_same(tmp_path: Path) -> None:
-    """In plain lines, each warning and each refusal among them."""
-    said = call("check", own(tmp_path / "mine", in_contact_object="bogus"))
-    assert said.code == 0 and "left_hand 2 (left hand); mug 2 (object)" in said.words
-    assert "touches 'bogus', which is no mask of this frame" in said.words and "1 usable, 0 refused, 2 warning(s)" in said.words
+def test_the_plain_text_has_warnings_and_refusals(tmp_path: Path) -> None:
+    """One line each."""
+    result = call("check", own(tmp_path / "mine", in_contact_object="bogus"))
+    assert result.code == 0 and "left_hand 2 (left hand); mug 2 (object)" in result.words
+    assert "touches 'bogus', which is no mask of this frame" in result.words and "1 usable, 0 refused, 2 warning(s)" in result.words
 
 
-def test_nothing_is_written_and_nothing_is_hashed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Neither into the source nor beside it."""
+def test_a_check_writes_and_hashes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The source and its neighbours are unchanged."""
     root = own(tmp_path / "mine")
     monkeypatch.chdir(tmp_path)
     before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")}
@@ -65,7 +65,7 @@ def test_nothing_is_written_and_nothing_is_hashed(tmp_path: Path, monkeypatch: p
 
 
 def test_one_refused_video_is_exit_1_and_the_others_are_shown(tmp_path: Path) -> None:
-    """With the sentence that a run would fail with."""
+    """The sentence is that of a failing run."""
     write_root(tmp_path, "P95_01")
     write_root(tmp_path, "P95_02", points=[image("P95_02", 1, [mask("hand", "h")])])
     found = checked(tmp_path, code=1)
@@ -74,7 +74,7 @@ def test_one_refused_video_is_exit_1_and_the_others_are_shown(tmp_path: Path) ->
 
 
 def test_a_folder_that_is_no_source_is_refused_and_a_wrong_call_is_exit_2(tmp_path: Path) -> None:
-    """Two videos; no folder; a clip that there is not."""
+    """Two videos, a missing folder, an unknown clip."""
     write_video(tmp_path / "two" / "a.mp4", 3)
     write_video(tmp_path / "two" / "b.mp4", 3)
     assert "exactly one video" in checked(tmp_path / "two", code=1)["refused"][0]["reason"]
@@ -84,7 +84,7 @@ def test_a_folder_that_is_no_source_is_refused_and_a_wrong_call_is_exit_2(tmp_pa
 
 
 def test_videos_without_masks_and_packs_are_understood(tmp_path: Path) -> None:
-    """Every kind that `run dataset --source` takes."""
+    """The kinds of source that `run dataset --source` accepts."""
     write_video(tmp_path / "bare" / "a.mp4", 12)
     made_epic.write_tables(tmp_path / "tar")
     made_epic.write_tar(tmp_path / "tar")
@@ -94,7 +94,7 @@ def test_videos_without_masks_and_packs_are_understood(tmp_path: Path) -> None:
 
 
 def test_masks_of_another_shape_than_the_pictures_are_remarked_on(tmp_path: Path) -> None:
-    """A stated size that is not the video's stretches the masks."""
+    """A stated size that differs from the video's stretches the masks."""
     document = coco([[5, 5, 25, 5, 25, 25]])
     for one in document["images"]:
         one["height"] = 96
@@ -105,8 +105,8 @@ def test_masks_of_another_shape_than_the_pictures_are_remarked_on(tmp_path: Path
 
 def test_parameters_of_the_reader_count(tmp_path: Path) -> None:
     """`--set` cuts the video as a run would."""
-    said = call("check", own(tmp_path / "mine"), "--json", "--set", "source_read.max_gap_s=0.1")
-    assert said.code == 0 and len(said.json["videos"][0]["clips"]) == 2
+    result = call("check", own(tmp_path / "mine"), "--json", "--set", "source_read.max_gap_s=0.1")
+    assert result.code == 0 and len(result.json["videos"][0]["clips"]) == 2
 
 
 def test_meshes_are_listed(tmp_path: Path) -> None:
@@ -119,7 +119,7 @@ def test_meshes_are_listed(tmp_path: Path) -> None:
 
 
 def test_a_pipe_in_the_folder_does_not_stop_it(tmp_path: Path) -> None:
-    """It is refused instead of read for ever."""
+    """The pipe is refused instead of read."""
     root = own(tmp_path / "mine")
     (root / "My clip ü.mp4").unlink()
     os.mkfifo(root / "My clip ü.mp4")

@@ -1,4 +1,4 @@
-"""The verbs of the command line: what they say, what they refuse, and what their JSON looks like."""
+"""The verbs of the command line: output, usage errors, and JSON."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ STAGES = {*PER_CLIP, *PER_RUN}
 
 
 class Terminal(io.StringIO):
-    """What is written is shown to a person."""
+    """Stream that claims to be a terminal."""
 
     def isatty(self) -> bool:
         return True
@@ -42,11 +42,11 @@ class Terminal(io.StringIO):
 
 @pytest.fixture
 def mine(made: Made, tmp_path: Path) -> Made:
-    """A source and a store to change."""
+    """Copy of the source and the store."""
     return made.copy(tmp_path)
 
 
-def test_a_python_without_the_libraries_is_told_where_they_are() -> None:
+def test_a_python_without_the_libraries_gets_a_hint() -> None:
     bare = [sys.executable, "-S", "pipeline.py", "--help"]
     done = subprocess.run(bare, cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 1
@@ -79,8 +79,8 @@ def test_a_python_without_the_libraries_is_told_where_they_are() -> None:
         (("graph", "datset"), "did you mean 'dataset'"),
     ],
 )
-def test_what_does_not_exist_is_refused_with_the_nearest_name(words: tuple[str, ...], hint: str, made: Made) -> None:
-    """Exit 2, one sentence, no traceback, and nothing is run."""
+def test_unknown_names_are_refused_with_the_nearest_name(words: tuple[str, ...], hint: str, made: Made) -> None:
+    """Exit 2, one sentence, no traceback, and nothing runs."""
     before = made.traces
     store = [] if words[0] == "graph" else ["--store", made.store]
     refused = call(*words, "--source", made.source, *store)
@@ -97,7 +97,7 @@ def test_what_does_not_exist_is_refused_with_the_nearest_name(words: tuple[str, 
         (("lineage", "0000"), "matches 0 artifacts"),
     ],
 )
-def test_other_verbs_refuse_what_does_not_exist(words: tuple[str, ...], hint: str, made: Made) -> None:
+def test_other_verbs_refuse_unknown_names(words: tuple[str, ...], hint: str, made: Made) -> None:
     """Exit 2 as well."""
     store = ["--store", made.store] if words[0] in ("lineage", "export") else []
     refused = call(*words, *store)
@@ -105,8 +105,8 @@ def test_other_verbs_refuse_what_does_not_exist(words: tuple[str, ...], hint: st
 
 
 @pytest.mark.parametrize("what", ["nothing", "file", "empty"])
-def test_a_source_that_is_none_is_refused(what: str, tmp_path: Path) -> None:
-    """A folder that does not exist, a file, an empty folder: exit 2, and the store is not asked for anything."""
+def test_an_invalid_source_is_refused(what: str, tmp_path: Path) -> None:
+    """A missing folder, a file, an empty folder: exit 2, before the store is used."""
     source = tmp_path / "source"
     {"nothing": lambda: None, "file": source.touch, "empty": source.mkdir}[what]()
     refused = call("run", "dataset", "--source", source, "--store", tmp_path / "store")
@@ -114,8 +114,8 @@ def test_a_source_that_is_none_is_refused(what: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("target", ["dataset", "scenes", "recordings", "extraction-report"])
-def test_a_rendered_clip_that_there_is_not_is_refused(target: str, tmp_path: Path) -> None:
-    """Their names are known before anything is rendered: a plan refuses it as a run does."""
+def test_an_unknown_rendered_clip_is_refused(target: str, tmp_path: Path) -> None:
+    """The names are known before rendering: a plan refuses the clip as a run does."""
     first = "P91_01" if target == "extraction-report" else "P93_01"
     for words in ((), ("--dry-run",)):
         refused = call("run", target, "--clip", first, "--clip", first.replace("0", "O"), "--store", tmp_path, *words)
@@ -124,21 +124,21 @@ def test_a_rendered_clip_that_there_is_not_is_refused(target: str, tmp_path: Pat
         assert call("run", target, "--clip", clip, "--dry-run", "--store", tmp_path).code == 0
 
 
-def test_explain_names_the_clips_that_there_are(made: Made) -> None:
-    """Not those of tasks that have none, nor of what is not known yet."""
-    said = made.ask("explain", "--clip", "nope").err
-    assert said.rstrip().endswith(f"Valid: {', '.join(sorted(VIDEOS))}")
-    said = made.ask("explain", "--clip", "nope", "--set", "source_read.max_frames=50").err
-    assert "Valid: P" in said and "*" not in said
+def test_explain_names_the_known_clips(made: Made) -> None:
+    """Tasks without a clip, and unknown shards, are not listed."""
+    result = made.ask("explain", "--clip", "nope").err
+    assert result.rstrip().endswith(f"Valid: {', '.join(sorted(VIDEOS))}")
+    result = made.ask("explain", "--clip", "nope", "--set", "source_read.max_frames=50").err
+    assert "Valid: P" in result and "*" not in result
 
 
-LOOKS = [("verify",), ("gc",), ("lineage", "0000"), ("status",), ("explain",), ("inspect", "abcd")]
+READING_VERBS = [("verify",), ("gc",), ("lineage", "0000"), ("status",), ("explain",), ("inspect", "abcd")]
 
 
-@pytest.mark.parametrize("words", LOOKS, ids=" ".join)
+@pytest.mark.parametrize("words", READING_VERBS, ids=" ".join)
 @pytest.mark.parametrize("what", ["nothing", "file", "empty"])
-def test_verbs_that_look_refuse_what_is_no_store(words: tuple[str, ...], what: str, tmp_path: Path) -> None:
-    """Exit 2, one sentence, and nothing is made there."""
+def test_reading_verbs_refuse_a_folder_that_is_not_a_store(words: tuple[str, ...], what: str, tmp_path: Path) -> None:
+    """Exit 2, one sentence, and nothing is created."""
     store = tmp_path / "store"
     {"nothing": lambda: None, "file": store.touch, "empty": store.mkdir}[what]()
     refused = call(*words, "--store", store)
@@ -149,7 +149,7 @@ def test_verbs_that_look_refuse_what_is_no_store(words: tuple[str, ...], what: s
 
 @pytest.mark.parametrize("inside", ["", "deeper"])
 def test_a_store_cannot_be_a_file(inside: str, tmp_path: Path) -> None:
-    """Nor lie in one; exit 2, one sentence."""
+    """A path inside a file is refused as well; exit 2, one sentence."""
     (tmp_path / "file").touch()
     for words in (("run", "dataset"), ("run", "dataset", "--dry-run"), ("export", "epic", tmp_path / "out")):
         refused = call(*words, "--store", tmp_path / "file" / inside)
@@ -157,7 +157,7 @@ def test_a_store_cannot_be_a_file(inside: str, tmp_path: Path) -> None:
 
 
 def test_a_verb_alone_shows_help() -> None:
-    """Every verb explains itself, and the program lists its verbs."""
+    """The program lists its verbs, and each verb has a help text."""
     verbs = ("run", "status", "explain", "graph", "lineage", "verify", "gc", "inspect", "export", "params", "predict", "grasp",
              "demo")
     helped = call("--help")
@@ -166,10 +166,10 @@ def test_a_verb_alone_shows_help() -> None:
 
 
 def test_the_version_is_that_of_the_project() -> None:
-    """One line, and nothing else is done."""
-    said = call("--version")
+    """One line."""
+    result = call("--version")
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    assert (said.code, said.out, said.err) == (0, f"afford {project['version']}\n", "")
+    assert (result.code, result.out, result.err) == (0, f"afford {project['version']}\n", "")
 
 
 def test_make_quotes_paths_and_writes_no_codes_of_terminals_into_a_pipe() -> None:
@@ -187,7 +187,7 @@ def test_make_quotes_paths_and_writes_no_codes_of_terminals_into_a_pipe() -> Non
 
 
 def test_run_prints_its_summary_in_the_last_line(made: Made) -> None:
-    """With exactly the documented keys; everything meant for people goes to stderr."""
+    """The keys are the documented ones; all other output goes to stderr."""
     done = made.run("dataset")
     assert set(done.json) == KEYS and len(done.out.splitlines()) == 1
     assert isinstance(done.json["seconds"], float) and done.json["target"] == "dataset"
@@ -196,7 +196,7 @@ def test_run_prints_its_summary_in_the_last_line(made: Made) -> None:
 
 
 def test_status_counts_and_lists_failures(made: Made) -> None:
-    """Per stage; all is cached after a run."""
+    """Counts per stage; all is cached after a run."""
     stages = made.ask("status", "--json").json["stages"]
     assert stages.keys() == STAGES and all(set(counts) == {"cached"} for counts in stages.values())
     assert "mask_densify 2" in made.ask("status").words
@@ -205,7 +205,7 @@ def test_status_counts_and_lists_failures(made: Made) -> None:
 
 
 def test_explain_gives_a_reason_for_every_task(made: Made) -> None:
-    """Of one stage or one clip when asked."""
+    """One stage or one clip can be selected."""
     tasks = made.ask("explain", "mask-densify", "--clip", VIDEOS[0], "--set", "mask_densify.radius=3", "--json").json["tasks"]
     assert [(task["stage"], task["clip"].split("/")[-1], task["status"]) for task in tasks] == [("mask_densify", VIDEOS[0], "run")]
     assert tasks[0]["reason"] == "parameter changed: radius 0 -> 3"
@@ -213,7 +213,7 @@ def test_explain_gives_a_reason_for_every_task(made: Made) -> None:
 
 
 def test_the_help_names_every_target() -> None:
-    """In the order of the table, for every verb that takes one."""
+    """The order is that of the table, for every verb with a target."""
     *first, last = TARGETS
     for verb in ("run", "status", "graph"):
         assert f"{', '.join(first)} or {last}" in call(verb, "--help").words.replace("│ ", "")
@@ -221,7 +221,7 @@ def test_the_help_names_every_target() -> None:
 
 @pytest.mark.parametrize("target", TARGETS)
 def test_graph_shows_every_stage_and_its_inputs(target: str, tmp_path: Path) -> None:
-    """As text, and drawn."""
+    """Text and drawing."""
     text = call("graph", target)
     built = build(target, Origin("synthetic", specs=(SceneSpec("P91_01", "carry", "kitchen", seed=3),)), Settings())
     lines = {line.split()[0]: line for line in text.out.splitlines()}
@@ -232,13 +232,13 @@ def test_graph_shows_every_stage_and_its_inputs(target: str, tmp_path: Path) -> 
 
 
 def test_graph_refuses_other_formats(tmp_path: Path) -> None:
-    """The suffix says what to draw."""
+    """The suffix selects the format."""
     refused = call("graph", "--out", tmp_path / "graph.docx")
     assert refused.code == 2 and ".svg or .png" in refused.err
 
 
 def test_graph_makes_the_folder_that_it_draws_to(tmp_path: Path) -> None:
-    """Where that cannot be, one sentence says so."""
+    """One sentence reports a folder that cannot be created."""
     assert call("graph", "--out", tmp_path / "new" / "deep" / "graph.svg").code == 0
     assert "<svg" in (tmp_path / "new" / "deep" / "graph.svg").read_text()
     (tmp_path / "file").touch()
@@ -249,25 +249,25 @@ def test_graph_makes_the_folder_that_it_draws_to(tmp_path: Path) -> None:
 
 
 def test_lineage_leads_to_the_files_from_outside(made: Made) -> None:
-    """From a published file, or from the beginning of a digest, down to the video."""
+    """A published file, or a digest prefix, leads to the video."""
     recording = made.store / "recordings" / made.source.name / f"{VIDEOS[0]}.mcap"
-    told = made.ask("lineage", recording, source=False)
-    assert told.code == 0
+    printed = made.ask("lineage", recording, source=False)
+    assert printed.code == 0
     wanted = ("clip_record", "hand_inpaint", "source_read", "from outside", f"{VIDEOS[0]}.MP4")
-    assert not [word for word in wanted if word not in told.out], told.out
+    assert not [word for word in wanted if word not in printed.out], printed.out
     again = made.ask("lineage", made.ask("lineage", recording, "--json", source=False).json["digest"][:16], source=False)
-    assert again.out == told.out
+    assert again.out == printed.out
 
 
-def test_verify_finds_a_whole_store_whole(made: Made) -> None:
-    """Exit 0; as JSON with counts."""
+def test_verify_finds_no_fault_in_an_intact_store(made: Made) -> None:
+    """Exit 0; JSON with counts."""
     assert made.ask("verify", source=False).words.endswith("no problem found")
     found = made.ask("verify", "--json", source=False).json
     assert found["ok"] and found["blobs"] > 50 and found["damaged"] == found["missing"] == found["changed"] == []
 
 
 def _leaves(params: Any) -> Iterator[str]:
-    """Names of all parameters, those of a block as BLOCK.NAME."""
+    """Yield the names of all parameters, those of a block as BLOCK.NAME."""
     for field in dataclasses.fields(params):
         inner = getattr(params, field.name)
         is_block = dataclasses.is_dataclass(inner)
@@ -275,7 +275,7 @@ def _leaves(params: Any) -> Iterator[str]:
 
 
 def test_params_lists_every_parameter_with_type_default_and_meaning() -> None:
-    """Of every stage, or of one. A default is what holds when nothing is said, also where a target changes that of the stage."""
+    """The default is the effective one, also where a target changes that of the stage."""
     rows = call("params", "--json").json
     wanted = {(system, stage, name) for stage, system in SYSTEM_OF.items() for name in _leaves(Settings().params(stage))}
     assert {(row["system"], row["stage"], row["name"]) for row in rows} == wanted
@@ -291,12 +291,12 @@ def test_params_lists_every_parameter_with_type_default_and_meaning() -> None:
 
 @pytest.mark.parametrize("terminal", [False, True])
 def test_params_names_parameters_whole(terminal: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Each begins a line and has its meaning below it, in a pipe and on a narrow terminal; nothing is cut and no line is wide."""
-    said = Terminal() if terminal else io.StringIO()
+    """Each parameter begins a line and has its meaning below it, in a pipe and on a narrow terminal."""
+    result = Terminal() if terminal else io.StringIO()
     monkeypatch.setenv("COLUMNS", "80")
-    monkeypatch.setattr(sys, "stdout", said)
+    monkeypatch.setattr(sys, "stdout", result)
     show_params(None, False)
-    text = re.sub("\x1b\\[[0-9;]*m", "", said.getvalue())
+    text = re.sub("\x1b\\[[0-9;]*m", "", result.getvalue())
     assert [line for line in text.splitlines() if line in SYSTEMS] == list(SYSTEMS)
     for stage in SYSTEM_OF:
         for field in dataclasses.fields(Settings().params(stage)):
@@ -307,13 +307,13 @@ def test_params_names_parameters_whole(terminal: bool, monkeypatch: pytest.Monke
 
 
 @pytest.mark.parametrize("terminal", [False, True])
-def test_backends_are_told_in_blocks_of_which_nothing_is_cut(terminal: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What chooses each stands first, then what it does, what it needs and why it cannot be used here."""
-    said = Terminal() if terminal else io.StringIO()
+def test_backends_are_printed_in_blocks_without_cuts(terminal: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The parameter comes first, then description, requirements and reason."""
+    result = Terminal() if terminal else io.StringIO()
     monkeypatch.setenv("COLUMNS", "80")
-    monkeypatch.setattr(sys, "stdout", said)
+    monkeypatch.setattr(sys, "stdout", result)
     show_backends(None, (), None, False, None)
-    text = re.sub("\x1b\\[[0-9;]*m", "", said.getvalue())
+    text = re.sub("\x1b\\[[0-9;]*m", "", result.getvalue())
     assert max(map(len, text.splitlines())) <= (80 if terminal else 100) and "…" not in text
     words = " ".join(text.split())
     for row in rows(Settings()):
@@ -321,7 +321,7 @@ def test_backends_are_told_in_blocks_of_which_nothing_is_cut(terminal: bool, mon
 
 
 def test_a_dry_run_has_one_row_for_the_tasks_of_a_stage(made: Made) -> None:
-    """With their number, and the reason whole; one task alone is named by its clip."""
+    """The row has their number and the full reason; a single task is named by its clip."""
     shown = made.ask("run", "dataset", "--dry-run", "--set", "mask_densify.radius=3").out.splitlines()
     lines = [" ".join(line.split()) for line in shown]
     assert {"mask_densify run 2 parameter changed: radius 0 -> 3", "hand_inpaint pending 2 upstream pending",
@@ -332,12 +332,12 @@ def test_a_dry_run_has_one_row_for_the_tasks_of_a_stage(made: Made) -> None:
 
 
 def test_inspect_summarises_what_run_published(made: Made) -> None:
-    """The folder of recordings, strictly; it knows which of them are of clips."""
+    """The folder of recordings, strictly; its list names those of clips."""
     folder = made.store / "recordings" / made.source.name
     assert (folder / LISTED).read_text().split() == [f"{video}.mcap" for video in VIDEOS]
     assert call("inspect", folder, "--strict").code == 0
-    told = call("inspect", folder, "--json")
-    assert told.code == 0 and all(video in told.out for video in VIDEOS)
+    printed = call("inspect", folder, "--json")
+    assert printed.code == 0 and all(video in printed.out for video in VIDEOS)
     assert call("inspect", folder / f"{VIDEOS[0]}.mcap", folder / f"{VIDEOS[1]}.mcap", "--diff").code == 1
 
 
@@ -346,7 +346,7 @@ def test_inspect_summarises_what_run_published(made: Made) -> None:
 
 @pytest.mark.parametrize("format", ["2hands", "coco", "webdataset"])
 def test_the_data_set_can_be_exported(format: str, made: Made, tmp_path: Path) -> None:
-    """In every format; a folder with files in it is left alone."""
+    """One run per format; a folder with files in it is left alone."""
     out = tmp_path / "out"
     done = made.ask("export", format, out)
     assert done.code == 0 and any(path.is_file() for path in out.rglob("*"))
@@ -356,8 +356,8 @@ def test_the_data_set_can_be_exported(format: str, made: Made, tmp_path: Path) -
     assert refused.code == 2 and "the folder is not empty" in refused.err
 
 
-def test_what_was_never_made_cannot_be_exported(made: Made, tmp_path: Path) -> None:
-    """And it is said how to make it."""
+def test_a_missing_data_set_cannot_be_exported(made: Made, tmp_path: Path) -> None:
+    """The error says how to make it."""
     refused = call("export", "coco", tmp_path / "out", "--store", made.store)
     assert refused.code == 2 and "make dataset" in refused.err and not (tmp_path / "out").exists()
 

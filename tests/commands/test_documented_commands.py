@@ -225,7 +225,7 @@ def test_the_pages_hold_commands_of_every_kind() -> None:
     ("pipline.py run", "unknown program 'pipline.py'"),
 ])  # fmt: skip
 def test_a_planted_fault_in_a_page_is_found(line: str, reason: str) -> None:
-    """In a block, in a line with a prompt, and, for programs of the project, inline."""
+    """The fault is in a block, in a line with a prompt, or, for programs of the project, inline."""
     texts = [f"```sh\n{line}\n```", f"```\n$ {line}   # comment\n```", f"Run `{line}`."]
     for text in texts if INLINE.match(f"`{line}`") else texts[:2]:
         faults = [fault(one.words, one.inline) for one in commands_of(Path("page.md"), text)]
@@ -233,7 +233,7 @@ def test_a_planted_fault_in_a_page_is_found(line: str, reason: str) -> None:
 
 
 def test_commands_are_split_and_joined() -> None:
-    """At pipes, redirections and `&&`; a backslash joins lines."""
+    """Pipes, redirections and `&&` split; a backslash joins lines."""
     text = "```sh\na --x 1 \\\n  --y 2 > out.txt  # comment\nb | c && d\n```\n```python\npython x\n```\n"
     assert [one.words for one in commands_of(Path("page.md"), text)] == [
         ("a", "--x", "1", "--y", "2"), ("b",), ("c",), ("d",), ("python", "x")]
@@ -243,7 +243,7 @@ def test_commands_are_split_and_joined() -> None:
 
 
 def test_documented_read_only_commands_run(made: Made, tmp_path: Path) -> None:
-    """On a small finished store in place of the user's: exit code 0."""
+    """The exit code is 0 on a small finished store in place of the user's."""
     recordings = made.store / "recordings" / made.source.name
     one, other = sorted(recordings.glob("P*.mcap"))[:2]
     names = {"DIR": made.source, "EPIC-KITCHENS": made.source, "my-video": made.source, "artifacts/recordings": recordings.parent,
@@ -270,7 +270,7 @@ def test_documented_read_only_commands_run(made: Made, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_documented_runs_can_be_planned(tmp_path: Path) -> None:
-    """With `--dry-run` on an empty store, for commands without a source."""
+    """Commands without a source are planned with `--dry-run` on an empty store."""
     for command in documented():
         words = next((command.words[len(alias):] for alias in ALIASES if command.words[: len(alias)] == alias), ())
         needs_files = "--source" in words or any("=DIR" in word for word in words) or " ".join(command.words) in EXCEPTIONS

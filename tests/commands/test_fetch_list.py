@@ -1,4 +1,4 @@
-"""Laws of fetch-list: exact names and addresses, what is there is left out, what is there in part is not, nothing is fetched."""
+"""The verb `fetch-list`: exact names and addresses, complete files omitted, partial files listed, nothing downloaded."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ VISOR, EPIC_100, EPIC_55 = (f"https://data.bris.ac.uk/datasets/{key}" for key in
 
 
 def listed(root: Path, *words: str) -> dict[str, str]:
-    """Name -> state."""
-    said: Any = call("fetch-list", root, "--json", *words).json
-    assert all(file["licence"] == "CC BY-NC 4.0" and file["bytes"] is None for file in said["files"])
-    return {file["name"]: file["state"] for file in said["files"]}
+    """Map each file name to its state."""
+    result: Any = call("fetch-list", root, "--json", *words).json
+    assert all(file["licence"] == "CC BY-NC 4.0" and file["bytes"] is None for file in result["files"])
+    return {file["name"]: file["state"] for file in result["files"]}
 
 
 @pytest.mark.parametrize(("video", "kind", "name", "url"), [
@@ -40,22 +40,22 @@ def listed(root: Path, *words: str) -> dict[str, str]:
      f"{VISOR}/Interpolations-DenseAnnotations/train/P14_05_interpolations.zip"),
 ])
 def test_published_names_and_addresses(video: str, kind: str, name: str, url: str) -> None:
-    """As data.bris has them; VISOR annotates 115 and 43 videos."""
+    """Names as on data.bris; VISOR annotates 115 and 43 videos."""
     assert [(file.name, file.url) for file in published_files([video], [kind])] == [(name, url)]
     assert [len(SPLITS[split]) for split in ("train", "val")] == [115, 43] and not set(SPLITS["train"]) & set(SPLITS["val"])
 
 
 def test_a_list_that_a_downloader_reads(tmp_path: Path) -> None:
-    """Each address with the name it is to have; an empty folder, or none, needs everything; nothing is written."""
-    said = call("fetch-list", tmp_path / "none", "--video", "P03_101")
-    lines = [line for line in said.out.splitlines() if not line.startswith("#")]
-    assert said.code == 0 and lines[-2:] == [f"{EPIC_100}/P03/rgb_frames/P03_101.tar", "  out=P03/rgb_frames/P03_101.tar"]
-    assert "8 of 8 files" in said.out and "CC BY-NC 4.0" in said.out and "not published" in said.out
+    """Each address has its file name; an empty or missing folder lacks everything; nothing is written."""
+    result = call("fetch-list", tmp_path / "none", "--video", "P03_101")
+    lines = [line for line in result.out.splitlines() if not line.startswith("#")]
+    assert result.code == 0 and lines[-2:] == [f"{EPIC_100}/P03/rgb_frames/P03_101.tar", "  out=P03/rgb_frames/P03_101.tar"]
+    assert "8 of 8 files" in result.out and "CC BY-NC 4.0" in result.out and "not published" in result.out
     assert list(tmp_path.iterdir()) == []
 
 
 def test_the_list_gets_shorter_as_files_come(tmp_path: Path) -> None:
-    """A whole file is there, a cut one is there in part, whatever unpacked frames stand for their tar; then the root is usable."""
+    """A complete file is omitted, a cut one is partial, and unpacked frames replace their tar. The root is then usable."""
     subset = ("--video", "P03_101", "--with", "sparse", "--with", "frames")
     tar = write_tar(write_tables(tmp_path))
     assert set(listed(tmp_path, *subset).values()) == {"there"}
@@ -69,7 +69,7 @@ def test_the_list_gets_shorter_as_files_come(tmp_path: Path) -> None:
 
 
 def test_partial_files_of_each_sort(tmp_path: Path) -> None:
-    """Told by their ends: a zip without directory, a video cut short, JSON that stops, no bytes at all, a downloader's note."""
+    """A zip without directory, a video cut short, truncated JSON, an empty file, a downloader's note."""
     words = ("--video", "P03_101", "--with", "dense", "--with", "videos", "--with", "sparse")
     dense = tmp_path / "Interpolations-DenseAnnotations" / "train" / "P03_101_interpolations.zip"
     dense.parent.mkdir(parents=True)
@@ -92,7 +92,7 @@ def test_partial_files_of_each_sort(tmp_path: Path) -> None:
     (("--participant", "P37", "--split", "val", "--with", "frames"), 1),
     (("--participant", "P37", "--video", "P01_01", "--with", "dense"), 4)])
 def test_subsets(words: tuple[str, ...], count: int, tmp_path: Path) -> None:
-    """By video, person and split; all that VISOR annotates by default."""
+    """Selection by video, person and split; all annotated videos by default."""
     assert len(listed(tmp_path, *words)) == count
 
 
@@ -100,12 +100,12 @@ def test_subsets(words: tuple[str, ...], count: int, tmp_path: Path) -> None:
     (("--video", "P03_1O1"), "P03_101"), (("--participant", "P99"), "unknown participant"),
     (("--split", "test"), "Valid: train, val"), (("--with", "masks"), "Valid: dense, frames")])
 def test_names_that_do_not_exist(words: tuple[str, ...], hint: str, tmp_path: Path) -> None:
-    """Exit 2 and the nearest or the valid ones."""
+    """Exit 2 with the nearest or the valid names."""
     refused = call("fetch-list", tmp_path, *words)
     assert refused.code == 2 and hint in refused.words
 
 
 def test_json_has_one_line_for_programs(tmp_path: Path) -> None:
     """Root, counts by state, files."""
-    said = json.loads(call("fetch-list", tmp_path, "--video", "P01_01", "--json").out)
-    assert said["counts"] == {"missing": 8} and {file["kind"] for file in said["files"]} == {"tables", "sparse", "frames"}
+    result = json.loads(call("fetch-list", tmp_path, "--video", "P01_01", "--json").out)
+    assert result["counts"] == {"missing": 8} and {file["kind"] for file in result["files"]} == {"tables", "sparse", "frames"}

@@ -1,4 +1,4 @@
-"""inspect tells what a recording holds, quickly; finds what is wrong with it; and shows it."""
+"""The verb `inspect`: summaries of recordings, their problems, and views of them."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return recorded(tmp_path_factory.mktemp("inspect"))
 
 
-def told(capsys: pytest.CaptureFixture[str]) -> dict:
-    """The JSON object that a command printed last."""
+def last_json(capsys: pytest.CaptureFixture[str]) -> dict:
+    """Last line of a command's output as JSON."""
     return json.loads(capsys.readouterr().out.splitlines()[-1])
 
 
-def test_a_summary_counts_what_is_there(recording: Path) -> None:
-    """Messages, rates, times and bytes per topic, from the indexes alone, agree with what was recorded."""
+def test_a_summary_counts_messages(recording: Path) -> None:
+    """Messages, rates, times and bytes per topic, from the indexes alone, agree with the recording."""
     found = summarise(recording)
     topics = {topic.topic: topic for topic in found.topics}
     image = topics["/frame_decode/image"]
@@ -53,12 +53,12 @@ def test_a_summary_loads_nothing_heavy(recording: Path) -> None:
     assert "/affordance/left" in run.stdout and "provenance/mask_densify" in run.stdout and "no problem in the index" in run.stdout
 
 
-def test_json_says_the_same(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_json_has_the_same_content(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """One object, with every topic and the provenance."""
     assert main(["inspect", str(recording), "--json", "--strict"]) == 0
-    said = told(capsys)
-    (one,) = said["recordings"]
-    assert said["ok"] and one["problems"] == [] and len(one["topics"]) > 20
+    result = last_json(capsys)
+    (one,) = result["recordings"]
+    assert result["ok"] and one["problems"] == [] and len(one["topics"]) > 20
     assert one["metadata"]["provenance/hand_inpaint"]["schema"] == "Inpainted"
 
 
@@ -72,12 +72,12 @@ def test_damage_makes_it_exit_1(recording: Path, tmp_path: Path, capsys: pytest.
         assert main(["inspect", "--strict", str(tmp_path / f"{name}.mcap")]) == (0 if name == "good" else 1), name
     capsys.readouterr()
     assert main(["inspect", str(tmp_path), "--strict", "--json", "--sort", "problem"]) == 1
-    assert {Path(r["path"]).stem: r["ok"] for r in told(capsys)["recordings"]} == {
+    assert {Path(r["path"]).stem: r["ok"] for r in last_json(capsys)["recordings"]} == {
         "cut": False, "empty": False, "flipped": False, "good": True}  # fmt: skip
 
 
-def test_what_is_no_recording_is_said_in_a_sentence(recording: Path, tmp_path: Path) -> None:
-    """At a glance too: too short, another kind of file, cut short, damaged at its end; no name of an exception."""
+def test_an_invalid_recording_is_reported_in_a_sentence(recording: Path, tmp_path: Path) -> None:
+    """Too short, another format, cut short, damaged at its end, with and without --strict; no name of an exception."""
     whole = recording.read_bytes()
     broken = whole[:-200] + b"\xff" * 160 + whole[-40:]
     words = {"too short": b"", "another kind": b"a picture, say, of a kettle " * 9, "cut short": whole[:-100],
@@ -104,12 +104,12 @@ def test_a_folder_is_a_table(recording: Path, tmp_path: Path, capsys: pytest.Cap
     for name in ("a", "b"):
         (tmp_path / f"{name}.mcap").write_bytes(recording.read_bytes())
     assert main(["inspect", str(tmp_path), "--sort", "bytes"]) == 0
-    said = capsys.readouterr().out
-    assert str(tmp_path / "a.mcap") in said and str(tmp_path / "b.mcap") in said and "2 recordings" in said
+    result = capsys.readouterr().out
+    assert str(tmp_path / "a.mcap") in result and str(tmp_path / "b.mcap") in result and "2 recordings" in result
 
 
 def test_wrong_calls_exit_2(recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """No such path, an empty folder, one recording to compare, two to view, an unknown order."""
+    """A missing path, an empty folder, one recording to compare, two to view, an unknown order."""
     (tmp_path / "empty").mkdir()
     two = [str(recording), str(recording)]
     calls = [
@@ -130,8 +130,8 @@ def test_differences_exit_1(recording: Path, tmp_path: Path, capsys: pytest.Capt
     assert "the same content" in capsys.readouterr().out
     other = recorded(tmp_path / "other", seed=1)
     assert main(["inspect", "--diff", str(recording), str(other)]) == 1
-    said = capsys.readouterr().out
-    assert "metadata provenance/frame_decode.artifact" in said and "first difference: /frame_decode/image at 0.040000 s" in said
+    result = capsys.readouterr().out
+    assert "metadata provenance/frame_decode.artifact" in result and "first difference: /frame_decode/image at 0.040000 s" in result
 
 
 def test_a_sheet_shows_every_column(recording: Path, tmp_path: Path) -> None:
@@ -155,7 +155,7 @@ def test_a_viewer_file_is_written(recording: Path, tmp_path: Path) -> None:
 
 
 def test_a_layout_shows_what_the_recording_has(recording: Path, tmp_path: Path) -> None:
-    """--layout: every panel is placed once, every topic is there, curves are numbers of their messages; the frame has outlines."""
+    """--layout: every panel is placed once, every topic is shown, curves are numbers of their messages; the frame has outlines."""
     out = tmp_path / "layout.json"
     assert main(["inspect", str(recording), "--layout", str(out)]) == 0
     made, topics = json.loads(out.read_text()), {topic.topic for topic in summarise(recording).topics}
@@ -168,8 +168,8 @@ def test_a_layout_shows_what_the_recording_has(recording: Path, tmp_path: Path) 
     assert all(MESSAGES[name.rpartition(".")[2]][number] == "double" for name, number in CURVES.items())
 
 
-@pytest.mark.parametrize(("words", "said"), [
-    (("--sheet", "{out}/s.png"), "--sheet: {path}: expected pictures on /frame_decode/image"),
+@pytest.mark.parametrize(("words", "result"), [
+    (("--sheet", "{out}/s.png"), "--sheet: {path}: no pictures on /frame_decode/image"),
     (("--layout", "{out}/l.json"), "--layout: {path}: expected pictures, curves or words"),
     (("--sheet", "{out}/s.xyz"), "--sheet {out}/s.xyz: expected a name with one of the suffixes"),
     (("--sheet", "{out}/s"), "expected a name with one of the suffixes"),
@@ -177,23 +177,23 @@ def test_a_layout_shows_what_the_recording_has(recording: Path, tmp_path: Path) 
     (("--rerun",), "--rerun: no display, since neither DISPLAY nor WAYLAND_DISPLAY is set; write a file with "
                    "`--save made.rrd`, and open it in a browser with `{bin}/rerun made.rrd --web-viewer`"),
 ])  # fmt: skip
-def test_a_view_that_cannot_be_had_is_refused_in_a_sentence(
-    words: tuple[str, ...], said: str, recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+def test_an_impossible_view_is_refused_in_a_sentence(
+    words: tuple[str, ...], result: str, recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Exit 2, and no traceback."""
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
     (tmp_path / "file").touch()
-    path = tmp_path / "made.mcap" if "{path}" in said or words[0] == "--rerun" else recording
+    path = tmp_path / "made.mcap" if "{path}" in result or words[0] == "--rerun" else recording
     with recording.open("rb") as stream:
         outlines = read_recording(make_reader(stream), ("/source_read/outlines",))  # no view shows them alone
         write_recording(tmp_path / "made.mcap", outlines)
     refused = call("inspect", path, *(word.format(out=tmp_path) for word in words))
-    assert refused.code == 2 and said.format(out=tmp_path, path=path, bin=Path(sys.executable).parent) in refused.words
+    assert refused.code == 2 and result.format(out=tmp_path, path=path, bin=Path(sys.executable).parent) in refused.words
 
 
 def test_the_viewer_is_found_beside_python(recording: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Also where the environment is not activated."""
+    """Its environment need not be active."""
     import rerun
 
     opened: dict[str, object] = {}
@@ -205,18 +205,18 @@ def test_the_viewer_is_found_beside_python(recording: Path, monkeypatch: pytest.
 
 
 def test_pictures_alone_and_words_alone_are_laid_out() -> None:
-    """As a recording of a training has them."""
+    """Recordings of a training have one of them."""
     for schema, panel in (("foxglove.CompressedImage", "Image!previews"), ("affordance.v1.Document", "RawMessages!previews")):
         made = layout(Summary("x.mcap", 0, "", (Topic("/previews", schema, 1, 10, 0.0, 1.0, 1.0, 0.0),)))
         assert placed(made["layout"]) == [panel]
 
 
 def placed(tree: str | dict) -> list[str]:
-    """The panels of a layout."""
+    """Panels of a layout."""
     return [tree] if isinstance(tree, str) else [*placed(tree["first"]), *placed(tree["second"])]
 
 
-def test_nothing_to_lay_out_is_said() -> None:
-    """One sentence with what the recording has."""
+def test_a_recording_without_panels_is_refused() -> None:
+    """One sentence with the content of the recording."""
     with pytest.raises(ValueError, match="expected pictures, curves or words to lay out, got no topic"):
         layout(Summary("x.mcap", 0, ""))

@@ -1,4 +1,4 @@
-"""What an editable install gives: imports from any folder, the console script, gymnasium's names, hashed pins, clear refusals."""
+"""Editable install: imports from any folder, the console script, gymnasium's names, hashed pins, clear refusals."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ NAMES = ("afford", "commands", "maps", "pipeline", "runner", "schemas", "stages"
 
 
 def python(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    """Python of this environment, in a folder, with nothing of ours on its path but what the install put there."""
+    """Run Python of this environment in a folder, with the project on its path only through the install."""
     return subprocess.run([sys.executable, *words], cwd=folder, capture_output=True, text=True, env={"PATH": "/usr/bin:/bin"})
 
 
 def of_install(name: str) -> ModuleType:
-    """A script of the folder install/."""
+    """Load a script of the folder install/."""
     spec = importlib.util.spec_from_file_location(f"install_{name}", ROOT / "install" / f"{name}.py")
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -33,8 +33,8 @@ def of_install(name: str) -> ModuleType:
     return module
 
 
-def test_ours_is_importable_from_any_folder(tmp_path: Path) -> None:
-    """All top-level names, from this checkout."""
+def test_the_project_is_importable_from_any_folder(tmp_path: Path) -> None:
+    """The top-level names come from this checkout."""
     code = f"import importlib; print(*(importlib.import_module(name).__file__ for name in {NAMES}), sep='\\n')"
     found = python(tmp_path, "-c", code)
     assert found.returncode == 0, found.stderr
@@ -42,7 +42,7 @@ def test_ours_is_importable_from_any_folder(tmp_path: Path) -> None:
 
 
 def test_gymnasium_makes_the_environment_by_its_name(tmp_path: Path) -> None:
-    """From an empty folder, without an import of ours and without arguments."""
+    """An empty folder, no import of the project, and no arguments."""
     code = "import gymnasium; print(len(gymnasium.make('afford/AffordanceGrasp-v0').reset(seed=0)[0]))"
     found = python(tmp_path, "-c", code)
     assert found.returncode == 0, found.stderr
@@ -50,7 +50,7 @@ def test_gymnasium_makes_the_environment_by_its_name(tmp_path: Path) -> None:
 
 
 def test_gymnasium_alone_stays_light(tmp_path: Path) -> None:
-    """Its import registers names and loads nothing of ours; neither does Python's start."""
+    """Importing gymnasium registers names and loads nothing of the project; neither does Python's start."""
     names = "[name for name in sys.modules if name.split('.')[0] in ('afford', 'schemas', 'torch', 'mujoco', 'trimesh')]"
     found = python(tmp_path, "-c", f"import sys; a = {names}; import gymnasium; print(a, sorted({names}))")
     assert found.stdout.strip() == "[] []", found.stderr
@@ -66,13 +66,13 @@ def test_the_console_script_is_the_pipeline(tmp_path: Path) -> None:
 
 
 def squeezed(text: str) -> str:
-    """Without the name of the program and blanks."""
+    """Text without the name of the program and blanks."""
     return "".join(text.replace("pipeline.py", "afford").split())
 
 
 @pytest.mark.parametrize("call", [("-c", "import afford"), ("-m", "pipeline", "--help")])
-def test_a_folder_that_hides_ours_is_named(tmp_path: Path, call: tuple[str, ...]) -> None:
-    """One sentence with both places; a folder without code hides nothing, and the console script has no such folder on its path."""
+def test_a_folder_that_hides_the_project_is_named(tmp_path: Path, call: tuple[str, ...]) -> None:
+    """One sentence with both places. A folder without code hides nothing, and is not on the path of the console script."""
     (tmp_path / "schemas").mkdir()
     assert python(tmp_path, *call).returncode == 0
     (tmp_path / "schemas" / "__init__.py").touch()
@@ -85,15 +85,15 @@ def test_a_folder_that_hides_ours_is_named(tmp_path: Path, call: tuple[str, ...]
 
 
 def test_other_rooms_hide_only_the_command_line(tmp_path: Path) -> None:
-    """A user's own `commands` does not matter to the library."""
+    """A user's own `commands` does not affect the library."""
     (tmp_path / "commands.py").touch()
     assert python(tmp_path, "-c", "import afford").returncode == 0
     refused = python(tmp_path, "-m", "pipeline", "--help")
     assert refused.returncode == 1 and refused.stderr.startswith("error: ") and "hides the `commands`" in refused.stderr
 
 
-def test_every_pin_has_hashes_but_torch() -> None:
-    """As `pip --require-hashes` wants it: == and one sha256 or more for each line; torch alone stands in a file of its own."""
+def test_pins_have_hashes_except_torch() -> None:
+    """The form of `pip --require-hashes`: == and at least one sha256 per line; torch has its own file."""
     install = of_install("constraints")
     for name in PINS:
         entries = install.parse((ROOT / name).read_text())
@@ -104,7 +104,7 @@ def test_every_pin_has_hashes_but_torch() -> None:
     assert not [name for name in PINS if "torch==" in (ROOT / name).read_text()]
 
 
-def test_every_dependency_is_pinned() -> None:
+def test_dependencies_are_pinned() -> None:
     """Those of users in constraints.txt, those of each extra in its own file or among those of users."""
     install, project = of_install("constraints"), tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     everybody = set(install.read("")) | {"torch"}
@@ -116,42 +116,42 @@ def test_every_dependency_is_pinned() -> None:
         assert names <= everybody | set(install.read(group)) | set(install.read(beside)), group
 
 
-def test_what_is_installed_is_what_is_pinned() -> None:
-    """Of every package of users that is here."""
+def test_installed_versions_are_the_pinned_ones() -> None:
+    """Checks every installed package of users."""
     command = [sys.executable, "-m", "pip", "list", "--format=json", "--disable-pip-version-check"]
-    said = subprocess.run(command, capture_output=True, text=True, check=True).stdout
-    here = {one["name"].lower().replace("_", "-"): one["version"] for one in json.loads(said)}
+    message = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    here = {one["name"].lower().replace("_", "-"): one["version"] for one in json.loads(message)}
     install = of_install("constraints")
     pins = {name: install.pin(lines).partition("==")[2] for name, lines in install.read("").items() if name != "setuptools"}
     assert {name: here[name] for name in pins if name in here} == {name: version for name, version in pins.items() if name in here}
 
 
-@pytest.mark.parametrize(("machine", "said"), [
+@pytest.mark.parametrize(("machine", "message"), [
     (((3, 11), "Linux", "x86_64", True, False), []),
     (((3, 12), "Linux", "x86_64", True, False), ["pybullet has no wheel for Python 3.12"]),
-    (((3, 13), "Linux", "x86_64", False, True), ["none is found: install g++ first", "torch may come with CUDA's packages"]),
+    (((3, 13), "Linux", "x86_64", False, True), ["a C++ compiler, which is missing: install g++ first", "torch may bring CUDA"]),
     (((3, 11), "Linux", "aarch64", True, False), ["pybullet has no wheel", "embreex has no build for aarch64"]),
     (((3, 12), "Darwin", "arm64", True, True), [])])  # fmt: skip
-def test_what_has_no_wheel_is_said_first(machine: tuple, said: list[str]) -> None:  # type: ignore[type-arg]  # a call's arguments
+def test_packages_without_a_wheel_are_reported_first(machine: tuple, message: list[str]) -> None:  # type: ignore[type-arg]  # a call's arguments
     """A sentence each, before pip starts."""
     found = of_install("preflight").notes(*machine)
-    assert len(found) == len(said) and all(word in line for word, line in zip(said, found, strict=True))
+    assert len(found) == len(message) and all(word in line for word, line in zip(message, found, strict=True))
 
 
 def test_a_python_that_is_too_new_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    """In one sentence, with what to do."""
+    """One sentence with advice."""
     assert of_install("preflight").main((3, 14), "Linux", "x86_64", True, False) == 1
     assert "expected Python 3.11 to 3.13, got 3.14" in capsys.readouterr().err
 
 
-def test_only_an_editable_install_is_built(tmp_path: Path) -> None:
-    """A copy in site-packages would look for its store and pages there."""
+def test_an_editable_install_is_the_only_one(tmp_path: Path) -> None:
+    """A copy in site-packages would search its store and pages there."""
     for build in ("build_wheel", "build_sdist"):
         with pytest.raises(SystemExit, match="pip install --editable"):
             getattr(of_install("backend"), build)(str(tmp_path))
 
 
-def test_no_index_is_written_down() -> None:
+def test_setup_files_name_no_package_index() -> None:
     """No file of the set-up names the host of a package index."""
     for path in (*ROOT.glob("constraints*.txt"), ROOT / "Makefile", ROOT / "pyproject.toml", *(ROOT / "install").glob("*.py")):
         assert not re.search(r"https?://(?!127\.0\.0\.1)", path.read_text()), path.name

@@ -1,4 +1,4 @@
-"""Where a run takes its data from, and what it is named after."""
+"""Origin of a run's data, and its name."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from pipeline import build
 
 @pytest.mark.parametrize("target", ["grasp", "grasp-full"])
 def test_grasping_reads_no_source(target: str, tmp_path: Path) -> None:
-    """Its objects are its own: a folder would only have named the run."""
+    """Its objects are built in: a folder would only name the run."""
     with pytest.raises(UsageError, match=f"--source .*{target} .*reads no source"):
         origin(target, tmp_path, Settings(), lambda path: "")
 
 
 def test_targets_do_not_overwrite_what_others_publish() -> None:
-    """Each that makes its own data has a name of its own, and none is that of the rendered clips."""
+    """Targets with their own data have distinct names, which differ from that of the rendered clips."""
     names = {target: origin(target, None, Settings(), lambda path: "")[0].name for target in ("grasp", "grasp-full", "dataset")}
     assert names == {"grasp": "grasp", "grasp-full": "grasp-full", "dataset": "synthetic"}
     assert len(set(OWN_ROOMS.values())) == len(OWN_ROOMS)
@@ -28,7 +28,7 @@ def test_targets_do_not_overwrite_what_others_publish() -> None:
 
 @pytest.mark.parametrize("target", ["grasp", "grasp-full"])
 def test_trainings_do_not_depend_on_the_name_of_the_run(target: str) -> None:
-    """What was trained under another name is found again: no stage, parameter or leaf has the name in it."""
+    """A training under another name is cached: no stage, parameter or leaf contains the name."""
     one, other = (build(target, Origin(name), Settings()).nodes for name in ("synthetic", target))
-    told = [[(node.sort, node.name, node.inputs, node.value, node.params) for node in nodes] for nodes in (one, other)]
-    assert told[0] == told[1]
+    shown = [[(node.sort, node.name, node.inputs, node.value, node.params) for node in nodes] for nodes in (one, other)]
+    assert shown[0] == shown[1]

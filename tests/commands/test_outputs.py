@@ -1,4 +1,4 @@
-"""What every target publishes, and where: names and places that people and scripts rely on."""
+"""Published outputs of every target, with names and places that people and scripts rely on; partial outputs; costs."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ MEASURED = {**{name: {""} for name, places in PLACES.items() if "report" in plac
 
 
 def usual(target: str) -> Graph:
-    """The graph of a target without a source."""
+    """Graph of a target without a source."""
     return build(target, origin(target, None, Settings(), lambda path: "")[0], Settings())
 
 
@@ -61,7 +61,7 @@ def places(graph: Graph) -> set[tuple[str, str]]:
 
 
 @pytest.mark.parametrize("target", PLACES)
-def test_a_target_publishes_what_it_always_has_and_where(target: str) -> None:
+def test_a_target_publishes_the_listed_outputs(target: str) -> None:
     """Outputs by name, recordings of clips and of the whole run."""
     wanted = {*PLACES[target].items(), *(("recordings", f"recordings/{{source}}/{name}.mcap") for name in RECORDED[target])}
     wanted |= {("scenes", "scenes/{source}/{clip}/truth")} if target == "scenes" else set()
@@ -73,7 +73,7 @@ def test_a_target_publishes_what_it_always_has_and_where(target: str) -> None:
     assert {one.node for one in graph.published} | {one.node for one in graph.measured} <= made
 
 
-def test_every_target_is_in_the_table() -> None:
+def test_targets_are_in_the_table() -> None:
     assert {*PLACES, "all"} == TARGETS.keys()
 
 
@@ -81,15 +81,15 @@ def test_every_target_is_in_the_table() -> None:
 
 
 def computed(graph: Graph) -> set[Any]:
-    """What a graph computes: every stage as function, parameters and what is computed before it."""
+    """Content of a graph: every stage as function, parameters and inputs."""
     seen: dict[int, Any] = {}
     for node in graph.nodes:
         seen[node.id] = (node.sort, repr(node.value), repr(node.params), tuple((name, seen[at]) for name, at in node.inputs))
     return {hash(seen[node.id]) for node in graph.stages()}
 
 
-def test_all_has_every_stage_of_its_targets_once() -> None:
-    """What several targets share is one node; no name is there twice; and no target makes anything else than it does alone."""
+def test_the_target_all_has_the_stages_of_its_targets_once() -> None:
+    """Shared stages are one node, no name occurs twice, and each target computes the same as alone."""
     together, alone = usual("all"), {name: usual(name) for name in CHAIN}
     names = [node.name for node in together.stages()]
     assert len(names) == len(set(names))
@@ -101,7 +101,7 @@ def test_all_has_every_stage_of_its_targets_once() -> None:
 
 
 def test_parts_of_all_lie_where_their_targets_put_them() -> None:
-    """Each has the name of what it is made of; names in the summary begin with the target."""
+    """Each part has the name of its origin; names in the summary begin with the target."""
     place = origin("all", None, Settings(), lambda path: "")[0]
     assert {name: place.of(name).name for name in CHAIN} == {
         name: origin(name, None, Settings(), lambda path: "")[0].name for name in CHAIN}
@@ -111,7 +111,7 @@ def test_parts_of_all_lie_where_their_targets_put_them() -> None:
 
 
 def test_a_label_computes_nothing() -> None:
-    """A graph with labels has the nodes of one without; what is published is the value that was made."""
+    """A graph with labels has the nodes of one without; the published value is the computed one."""
     g, h = Graph(), Graph()
     g.leaf("made", "word")
     made = h.leaf("made", "word")
@@ -120,13 +120,13 @@ def test_a_label_computes_nothing() -> None:
     assert g.nodes == h.nodes and not g.published
 
 
-def test_only_values_of_the_graph_are_published() -> None:
+def test_values_outside_the_graph_cannot_be_published() -> None:
     with pytest.raises(GraphError, match="expected a handle of this graph, got str"):
         Graph().publish("word", "words", as_="word")
 
 
-def test_every_kind_of_place(tmp_path: Path) -> None:
-    """One folder, a folder for each clip, one file, a file for each clip; nothing where nothing was made."""
+def test_kinds_of_places(tmp_path: Path) -> None:
+    """One folder, a folder per clip, one file, a file per clip; nothing without an output."""
     runner, g = open_runner(tmp_path / "store", jobs=0), Graph()
     whole = artifact(runner, tmp_path / "whole", **{"metrics.json": '{"iou": 0.5}', "x": "x"})
     film = artifact(runner, tmp_path / "film", x="x")
@@ -152,7 +152,7 @@ def test_every_kind_of_place(tmp_path: Path) -> None:
 
 
 def test_costs_are_counted_in_what_was_measured() -> None:
-    """Of the shards that were scored; each stage alone and all together; nothing where nothing was spent or measured."""
+    """Counted over the scored shards, for each stage and all together; omitted where nothing was spent or measured."""
     report = RunReport("t", cpu_s={("read", "a"): 1.0, ("read", "b"): 2.0, ("look", "a"): 3.0, ("score", "a"): 9.0})
     cost = Cost("cpu_s", ("read", "look"), 0, "objects", "score", 1.0, each=True, rate=False)
     assert stage_costs(cost, report, {"objects": 2.0}) == {"cpu_s.read": 0.5, "cpu_s.look": 1.5, "cpu_s": 2.0}
@@ -187,36 +187,36 @@ def whole(runner: Runner, tmp_path: Path) -> Path:
 
 
 def test_a_run_of_some_clips_leaves_the_whole_data_set(mine: Made) -> None:
-    """It is published as a part, which one line says; a whole run says nothing of the kind."""
+    """The data set is published as partial, with a note; a complete run has no such note."""
     data = mine.store / "datasets" / mine.source.name
     part, before = data.with_name(f"{data.name}-part"), content(data)
-    said = mine.run("dataset", "--clip", VIDEOS[0])
-    assert said.code == 0 and content(data) == before
-    assert said.json["outputs"]["dataset"] == str(part) and json.loads(content(part)["statistics.json"])["videos"] == 1
-    assert len(said.json["notes"]) == 1 and said.json["notes"][0] in said.words and f"made of {VIDEOS[0]} alone" in said.words
+    result = mine.run("dataset", "--clip", VIDEOS[0])
+    assert result.code == 0 and content(data) == before
+    assert result.json["outputs"]["dataset"] == str(part) and json.loads(content(part)["statistics.json"])["videos"] == 1
+    assert len(result.json["notes"]) == 1 and result.json["notes"][0] in result.words and "made from" in result.words
     assert (mine.store / "recordings" / mine.source.name / "dataset_pack-part.mcap").exists()
     again = mine.run("dataset").json
     assert again.keys() == KEYS and again["outputs"]["dataset"] == str(data) and content(data) == before
 
 
-def test_a_part_takes_the_place_of_the_whole_when_that_is_asked_for(mine: Made) -> None:
-    """From then on it is the whole: to publish the same again changes nothing."""
+def test_replace_publishes_a_partial_output_as_complete(mine: Made) -> None:
+    """Publishing the same again then changes nothing."""
     data = mine.store / "datasets" / mine.source.name
     for more in (["--replace"], []):
-        said = mine.run("dataset", "--clip", VIDEOS[0], *more).json
-        assert said["outputs"]["dataset"] == str(data) and "notes" not in said
+        result = mine.run("dataset", "--clip", VIDEOS[0], *more).json
+        assert result["outputs"]["dataset"] == str(data) and "notes" not in result
         assert json.loads(content(data)["statistics.json"])["videos"] == 1 and not data.with_name(f"{data.name}-part").exists()
 
 
 def test_a_run_without_the_clips_that_failed_is_a_part(mine: Made) -> None:
-    """Of a video that the reader refuses, too, and also where there is no whole one yet."""
+    """Videos that the reader refuses count as well, also without a complete data set."""
     media(mine.source, VIDEOS[0]).write_bytes(b"")
     data = mine.store / "datasets" / mine.source.name
     for name in sorted(path for path in data.rglob("*") if path.is_file()):
         name.unlink()
-    said = mine.run("dataset")
-    assert said.code == 1 and said.json["outputs"]["dataset"] == f"{data}-part"
-    assert "1 of the tasks behind it failed" in said.words
+    result = mine.run("dataset")
+    assert result.code == 1 and result.json["outputs"]["dataset"] == f"{data}-part"
+    assert "1 of the tasks behind it failed" in result.words
 
 
 # -- what is a part ----------------------------------------------------------------------------------------------------
@@ -226,7 +226,7 @@ def test_a_run_without_the_clips_that_failed_is_a_part(mine: Made) -> None:
 def test_a_data_set_of_less_stands_beside_the_one_of_more(
     fewer: dict[str, object], runner: Runner, whole: Path, tmp_path: Path,
 ) -> None:
-    """Whatever the run was; one of as much takes its place."""
+    """The data set with fewer videos is partial after any run; one of equal size replaces the old one."""
     digest = artifact(runner, tmp_path / "fewer", **{"statistics.json": json.dumps(fewer)})
     to = Publisher(runner)
     assert to.folder("dataset_pack", digest, whole) == f"{whole}-part" and content(whole) == {"statistics.json": WHOLE.encode()}
@@ -239,8 +239,8 @@ def test_a_data_set_of_less_stands_beside_the_one_of_more(
 
 
 @pytest.mark.parametrize("there", ["{", "[]", '{"videos": "many", "splits": 3}'])
-def test_what_cannot_be_read_is_replaced(there: str, runner: Runner, whole: Path, tmp_path: Path) -> None:
-    """Nothing is known to be lost."""
+def test_an_unreadable_output_is_replaced(there: str, runner: Runner, whole: Path, tmp_path: Path) -> None:
+    """Its content is unknown, so no loss is known."""
     (whole / "statistics.json").unlink()
     (whole / "statistics.json").write_text(there)
     digest = artifact(runner, tmp_path / "fewer", **{"statistics.json": json.dumps(FEWER[0])})
@@ -248,7 +248,7 @@ def test_what_cannot_be_read_is_replaced(there: str, runner: Runner, whole: Path
 
 
 def test_a_table_that_is_not_finished_grows_and_never_shrinks(runner: Runner, tmp_path: Path) -> None:
-    """Of a run that ends after some time."""
+    """A run with a time limit."""
     reports = runner.store.root / "reports" / "table"
     few, more = (artifact(runner, tmp_path / str(n), **{"metrics.json": json.dumps(dict.fromkeys(map(str, range(n)), 0.5))})
                  for n in (1, 2))  # fmt: skip
@@ -257,16 +257,16 @@ def test_a_table_that_is_not_finished_grows_and_never_shrinks(runner: Runner, tm
     assert Publisher(runner).folder("sor3d_report", few, reports) == str(reports)
 
 
-def test_outputs_that_stand_side_by_side_are_parts_together(runner: Runner, tmp_path: Path) -> None:
-    """As the columns of a comparison, one of which failed."""
+def test_columns_of_a_comparison_are_partial_together(runner: Runner, tmp_path: Path) -> None:
+    """One column failed."""
     folder, stages = tmp_path / "set-compare", ("report_flow", "report_nearest")
     to = Publisher(runner, {"report_nearest": "1 of the tasks behind it failed"})
     assert to.together(stages, folder) == tmp_path / "set-compare-part" and "set-compare-part is partial" in to.notes[0]
     assert Publisher(runner, to.why, replace=True).together(stages, folder) == Publisher(runner).together(stages, folder) == folder
 
 
-def test_only_failures_that_feed_an_output_make_it_a_part() -> None:
-    """A recording that could not be written takes no sample away."""
+def test_failures_of_other_stages_do_not_make_an_output_partial() -> None:
+    """A recording that could not be written removes no sample."""
     g = build("dataset", Origin("some"), Settings())
     for stage, is_part in (("frame_decode", True), ("dataset_pack", True), ("record_frame_decode", False)):
         report = RunReport("some", failures=[Failure(stage, "", "no")], outputs={"dataset_pack": []})

@@ -1,4 +1,4 @@
-"""The laws of the whole pipeline, on a tiny source in EPIC's format."""
+"""The whole pipeline on a tiny source in EPIC's format."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ AFTER_AFFORDANCE = {"affordance_intersect": 2, "record_affordance_intersect": 2,
 
 @pytest.fixture
 def mine(made: Made, tmp_path: Path) -> Made:
-    """A source and a store to break."""
+    """Copy of the source and the store."""
     return made.copy(tmp_path)
 
 
 def rows(made: Made, part: str = "") -> list[str]:
-    """The video of every sample in the data set, or in what was published beside it as a part."""
+    """Video of every sample in the data set, or in the partial one."""
     shards = sorted((made.store / "datasets" / f"{made.source.name}{part}" / "data").glob("*.parquet"))
     return [video for shard in shards for video in pq.read_table(shard, columns=["video"])["video"].to_pylist()]
 
@@ -46,7 +46,7 @@ def is_whole(path: Path) -> bool:
 
 
 def blobs_of(made: Made, stage: str) -> list[Path]:
-    """The blobs that a stage made."""
+    """Blobs of a stage's outputs."""
     traces = [json.loads(path.read_bytes()) for path in made.traces]
     manifests = [trace["output"] for trace in traces if trace["stage"] == stage]
     files = [json.loads((made.store / "manifests" / d[:2] / f"{d[2:]}.json").read_bytes())["files"] for d in manifests]
@@ -54,7 +54,7 @@ def blobs_of(made: Made, stage: str) -> list[Path]:
 
 
 def flip(path: Path) -> None:
-    """One bit in the middle, with the modification time kept."""
+    """Flip one bit in the middle, and keep the modification time."""
     before = path.stat()
     path.chmod(0o644)
     data = bytearray(path.read_bytes())
@@ -71,7 +71,7 @@ def times(number: int, stages: Iterable[str]) -> dict[str, int]:
 
 
 def test_a_run_ends_with_a_data_set_and_recordings(made: Made) -> None:
-    """Every stage ran once per clip; the data set holds both videos, and every clip has a recording with valid checksums."""
+    """Stages ran once per clip, the data set has both videos, and each clip has a recording with valid checksums."""
     assert set(made.first) == KEYS and made.first["target"] == "dataset"
     assert made.first["ran"] == times(2, PER_CLIP) | times(1, PER_RUN)
     assert made.first["cached"] == made.first["failed"] == {}
@@ -79,17 +79,17 @@ def test_a_run_ends_with_a_data_set_and_recordings(made: Made) -> None:
     assert all(is_whole(recording(made, video)) for video in VIDEOS)
 
 
-def test_a_run_ends_with_what_the_data_set_holds(made: Made) -> None:
-    """Samples by split and by hands, and frames without one by reason, as in its statistics."""
-    said = made.run("dataset").words
+def test_a_run_prints_the_content_of_the_data_set(made: Made) -> None:
+    """Samples by split and by hands, and skipped frames by reason, as in its statistics."""
+    result = made.run("dataset").words
     samples = len(rows(made))
     left = json.loads((made.store / "datasets" / made.source.name / "statistics.json").read_text())["frames_without_sample"]
-    assert f"{samples} samples of 2 video(s): train {samples} hands: right {samples} frames left out: no contact" in said
-    assert left and all(f"{reason.replace('_', ' ')} {count}" in said for reason, count in left.items())
+    assert f"{samples} samples of 2 video(s): train {samples} hands: right {samples} frames left out: no contact" in result
+    assert left and all(f"{reason.replace('_', ' ')} {count}" in result for reason, count in left.items())
 
 
-def test_what_all_clips_came_to_is_recorded_too(made: Made) -> None:
-    """The data set and the report: numbers, words and pictures, beside the recordings of the clips, and whole."""
+def test_the_data_set_and_the_report_are_recorded(made: Made) -> None:
+    """Valid recordings with numbers, words and pictures, next to the recordings of the clips."""
     wanted = {"dataset_pack": ("statistics", "contact_sheet", "log"), "extraction_report": ("metrics", "sheet", "log")}
     for name, topics in wanted.items():
         found = summarise(recording(made, name))
@@ -98,7 +98,7 @@ def test_what_all_clips_came_to_is_recorded_too(made: Made) -> None:
 
 
 def test_a_second_run_does_nothing(made: Made) -> None:
-    """Every stage is cached, and the outputs are the same."""
+    """Stages are cached, and the outputs are the same."""
     before, again = made.traces, made.run("dataset")
     assert again.code == 0 and set(again.json) == KEYS
     assert (again.json["ran"], again.json["cached"]) == ({}, made.first["ran"])
@@ -106,7 +106,7 @@ def test_a_second_run_does_nothing(made: Made) -> None:
 
 
 def test_targets_share_what_they_have_in_common(made: Made) -> None:
-    """The report measures what the data set was made of: nothing is extracted twice, and metrics are a flat dict of numbers."""
+    """The report measures the data set's stages: nothing is extracted twice, and metrics are a flat dict of numbers."""
     report = made.run("extraction-report")
     assert report.json["ran"] == {} and report.json["cached"]["mask_densify"] == 2
     assert all(isinstance(value, (int, float)) for value in report.json["metrics"].values())
@@ -114,41 +114,41 @@ def test_targets_share_what_they_have_in_common(made: Made) -> None:
 
 
 def test_a_source_that_has_moved_is_the_same_source(mine: Made) -> None:
-    """Where files lie is no part of what they are."""
+    """The location of files does not count."""
     assert mine.run("dataset").json["ran"] == {}
 
 
 def test_a_dry_run_runs_nothing(mine: Made) -> None:
-    """It says what would run and why."""
+    """Tasks and reasons are listed."""
     before = mine.traces
     plan = mine.run("dataset", "--dry-run", "--set", "affordance_intersect.dilate_px855=0")
-    told = {task["stage"]: task for task in plan.json["tasks"] if task["status"] != "cached"}
-    assert plan.code == 0 and mine.traces == before and set(told) == set(AFTER_AFFORDANCE)
-    assert told["affordance_intersect"]["reason"] == "parameter changed: dilate_px855 10.0 -> 0.0"
+    shown = {task["stage"]: task for task in plan.json["tasks"] if task["status"] != "cached"}
+    assert plan.code == 0 and mine.traces == before and set(shown) == set(AFTER_AFFORDANCE)
+    assert shown["affordance_intersect"]["reason"] == "parameter changed: dilate_px855 10.0 -> 0.0"
 
 
 # -- what a change makes run -------------------------------------------------------------------------------------------
 
 
 def test_a_parameter_runs_its_stage_and_what_reads_it_and_undo_is_free(mine: Made) -> None:
-    """No stage before it, none beside it; the old value finds its old outputs."""
+    """Stages before it are cached; the old value finds its old outputs."""
     assert mine.run("dataset", "--set", "affordance_intersect.dilate_px855=0").json["ran"] == AFTER_AFFORDANCE
     assert mine.run("dataset").json["ran"] == {}
 
 
 def test_the_same_bytes_stop_a_change(mine: Made) -> None:
-    """A limit that no frame meets changes no output: one stage runs and nothing below it."""
+    """A limit that no frame reaches changes no output: one stage runs and nothing below it."""
     assert mine.run("dataset", "--set", "affordance_intersect.max_area_px855=90000").json["ran"] == {"affordance_intersect": 2}
 
 
 def test_a_narration_of_another_video_runs_the_reader_and_nothing_else(mine: Made) -> None:
-    """All clips share the table, so all are read again; what comes out is what it was. No frame is decoded."""
+    """The clips share the table and are read again with the same result. No frame is decoded."""
     write_narrations(mine.source, {video: {} for video in (*VIDEOS, "P96_77")})
     assert mine.run("dataset").json["ran"] == {"source_read": 2}
 
 
 def test_a_narration_of_a_clip_runs_what_reads_that_clip(mine: Made) -> None:
-    """No frame is decoded; its masks come out as before, so hands are not removed again and the other clip is left alone."""
+    """Masks come out as before, so inpainting does not run again and the other clip is left alone."""
     write_narrations(mine.source, {VIDEOS[0]: {}, VIDEOS[1]: {"narration": "put down card"}})
     ran = mine.run("dataset").json["ran"]
     assert ran.pop("source_read") == 2 and set(ran.values()) == {1}
@@ -157,7 +157,7 @@ def test_a_narration_of_a_clip_runs_what_reads_that_clip(mine: Made) -> None:
 
 
 def test_an_edited_outline_decodes_nothing(mine: Made) -> None:
-    """Masks are made anew from the frames that are there."""
+    """Masks are computed again from the stored frames."""
     path = next(mine.source.rglob(f"{VIDEOS[0]}.json"))
     points = json.loads(path.read_text())
     points["video_annotations"][1]["annotations"][0]["segments"][0][0][0] += 3
@@ -167,37 +167,37 @@ def test_an_edited_outline_decodes_nothing(mine: Made) -> None:
 
 
 def test_clips_can_be_chosen(mine: Made) -> None:
-    """Only what was asked for runs; the rest of the data set is not thrown away when it is asked for again."""
+    """Selected clips run alone; the rest of the data set is still cached afterwards."""
     ran = mine.run("recordings", "--clip", VIDEOS[1], "--set", "affordance_intersect.dilate_px855=0").json["ran"]
     assert ran == times(1, set(AFTER_AFFORDANCE) - set(PER_RUN))
 
 
-def test_one_stage_alone_uses_its_last_inputs_and_says_when_they_are_stale(mine: Made) -> None:
-    """`--only` runs nothing else, where it is not recorded."""
+def test_one_stage_alone_uses_its_last_inputs_and_reports_stale_ones(mine: Made) -> None:
+    """`--only` with `--no-record` runs nothing else."""
     fresh = mine.run("dataset", "--only", "affordance_intersect", "--no-record", "--set", "affordance_intersect.dilate_px855=0")
     assert fresh.json["ran"] == {"affordance_intersect": 2} and "stale" not in fresh.err
     stale = mine.run("dataset", "--only", "object_completion", "--set", "mask_densify.radius=3")
     assert stale.json["ran"] == {} and "its recorded inputs are stale" in stale.words
 
 
-def test_one_stage_is_recorded_alone_and_says_where_to_look(mine: Made) -> None:
-    """Its recorder runs on what it has just made; a stage without one, or whose recording would need others, says so."""
+def test_one_stage_is_recorded_alone_with_a_hint_for_inspection(mine: Made) -> None:
+    """Its recorder runs on the new output; a stage without one, or with missing inputs of it, is reported."""
     clip, before = recording(mine, VIDEOS[0]), recording(mine, VIDEOS[0]).read_bytes()
-    said = mine.run("dataset", "--only", "affordance_intersect", "--record", "--set", "affordance_intersect.dilate_px855=0")
+    result = mine.run("dataset", "--only", "affordance_intersect", "--record", "--set", "affordance_intersect.dilate_px855=0")
     folder = mine.store / "recordings" / mine.source.name / "affordance_intersect"
-    assert said.code == 0 and said.json["ran"] == times(2, ["affordance_intersect", "record_affordance_intersect"])
-    assert said.json["outputs"] == {"recordings": str(folder)} and str(folder) in said.err and clip.read_bytes() == before
+    assert result.code == 0 and result.json["ran"] == times(2, ["affordance_intersect", "record_affordance_intersect"])
+    assert result.json["outputs"] == {"recordings": str(folder)} and str(folder) in result.err and clip.read_bytes() == before
     assert {path.name for path in folder.iterdir()} == {f"{video}.mcap" for video in VIDEOS}
     assert all("/affordance/state" in {topic.topic for topic in summarise(path).topics} for path in folder.iterdir())
     bare = mine.run("dataset", "--only", "clip_footage", "--record")
     assert "clip_footage has no recording of its own" in bare.words and bare.words.count("pipeline.py inspect ") == len(VIDEOS)
     stale = mine.run("dataset", "--only", "object_completion", "--record", "--set", "mask_densify.radius=3")
-    assert stale.json["ran"] == {} and "is not renewed, for " in stale.words
+    assert stale.json["ran"] == {} and "is not updated, since " in stale.words
     assert mine.run("dataset", "--record").code == 2
 
 
 def test_a_forced_stage_runs_and_its_equal_output_stops_there(mine: Made) -> None:
-    """`--force` distrusts one stage."""
+    """`--force` ignores the cache of one stage."""
     assert mine.run("dataset", "--force", "narration-labelling").json["ran"] == {"narration_labelling": 2}
 
 
@@ -205,7 +205,7 @@ def test_a_forced_stage_runs_and_its_equal_output_stops_there(mine: Made) -> Non
 
 
 def test_a_corrupt_video_fails_alone(mine: Made) -> None:
-    """Exit 1, one clear sentence, and the data set of the other clip, beside the one of both."""
+    """Exit 1, one clear sentence, and a partial data set of the other clip."""
     media(mine.source, VIDEOS[0]).write_bytes(b"no video")
     broken = mine.run("dataset")
     assert broken.code == 1 and sum(broken.json["failed"].values()) == 1
@@ -215,7 +215,7 @@ def test_a_corrupt_video_fails_alone(mine: Made) -> None:
 
 
 def test_status_tells_failures_of_other_sources_apart(mine: Made, tmp_path: Path) -> None:
-    """They are counted, and only those of the source and target that were named are listed."""
+    """Those are counted; the failures of the named source and target are listed."""
     broken = write_source(tmp_path / "broken", ("P96_09",))
     points = next(broken.rglob("P96_09.json"))
     points.write_text(points.read_text().replace('"segments": [[[', '"segments": [[["x",', 1))
@@ -225,12 +225,12 @@ def test_status_tells_failures_of_other_sources_apart(mine: Made, tmp_path: Path
     assert "failed source_read P96_09" in there.words and "P96_09" not in here.words
     elsewhere = "1 task(s) of other sources, targets or settings failed in this store"
     assert elsewhere in here.words and "other sources" not in there.words
-    said = mine.ask("status", "--json").json
-    assert said["failures"] == [] and [failure["shard"] for failure in said["failures_elsewhere"]] == ["P96_09"]
+    result = mine.ask("status", "--json").json
+    assert result["failures"] == [] and [failure["shard"] for failure in result["failures_elsewhere"]] == ["P96_09"]
 
 
 def test_a_flipped_bit_in_the_store_is_found_and_mended(mine: Made) -> None:
-    """`verify` finds it and sets it aside; the next run makes it again, and nothing else."""
+    """`verify` finds it and moves it aside; the next run computes that blob alone."""
     flip(blobs_of(mine, "narration_labelling")[0])
     found = mine.ask("verify", "--json", source=False)
     assert found.code == 1 and len(found.json["damaged"]) == 1 and not found.json["ok"]
@@ -240,7 +240,7 @@ def test_a_flipped_bit_in_the_store_is_found_and_mended(mine: Made) -> None:
 
 
 def test_a_run_finds_a_flipped_bit_by_itself(mine: Made) -> None:
-    """Nobody has to call `verify`."""
+    """`verify` is not needed."""
     flip(next(path for path in blobs_of(mine, "affordance_intersect") if path.stat().st_size > 200))
     mended = mine.run("dataset")
     assert mended.code == 0 and mended.json["ran"].keys() == {"affordance_intersect"}
@@ -249,7 +249,7 @@ def test_a_run_finds_a_flipped_bit_by_itself(mine: Made) -> None:
 
 @pytest.mark.parametrize("spoil", [Path.unlink, flip, lambda path: os.truncate(path, 1000)], ids=["deleted", "flipped", "cut"])
 def test_a_spoilt_recording_is_written_again_without_its_stages(mine: Made, spoil: object) -> None:
-    """From what is stored: at most the recording is merged again."""
+    """The merge of the recording may run again, but no stage before it."""
     spoil(recording(mine, VIDEOS[0]))  # type: ignore[operator]
     again = mine.run("dataset")
     assert again.code == 0 and not set(again.json["ran"]) & set(RECORDED)
@@ -257,13 +257,13 @@ def test_a_spoilt_recording_is_written_again_without_its_stages(mine: Made, spoi
 
 
 def test_a_deleted_data_set_is_shown_again(mine: Made) -> None:
-    """It lies in the store."""
+    """Published again from the store."""
     shutil.rmtree(mine.store / "datasets")
     assert mine.run("dataset").json["ran"] == {} and set(rows(mine)) == set(VIDEOS)
 
 
 def test_garbage_goes_and_what_is_in_use_stays(mine: Made) -> None:
-    """After gc, nothing runs; what a parameter no longer in use had made is gone."""
+    """Outputs of an unused parameter are gone, and nothing runs after gc."""
     mine.run("recordings", "--set", "affordance_intersect.dilate_px855=0")
     mine.run("recordings")
     swept = mine.ask("gc", "--json", source=False)
@@ -272,8 +272,8 @@ def test_garbage_goes_and_what_is_in_use_stays(mine: Made) -> None:
     assert mine.run("recordings", "--set", "affordance_intersect.dilate_px855=0").json["ran"]["affordance_intersect"] == 2
 
 
-def test_the_ablation_learns_from_what_its_rows_ask_for() -> None:
-    """Videos are extracted for the row that learns from them, and for no other; each row's scores come into one table."""
+def test_the_ablation_trains_each_row_on_its_data() -> None:
+    """Videos are extracted only for the row that trains on them; the scores of all rows are in one table."""
     spec = SceneSpec("P91_01", "carry", "kitchen", seed=3)
     stages = {}
     for rows in (("full", "k1"), ("extracted",), ("full", "extracted")):

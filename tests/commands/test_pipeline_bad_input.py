@@ -1,4 +1,4 @@
-"""Bad input and bad places, seen from the command line: one clear sentence, exit 1, and the other clip is not harmed."""
+"""Bad input and bad stores, from the command line: one clear sentence, exit 1, and the other clip succeeds."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ GOOD, BAD = VIDEOS
 
 @pytest.fixture
 def mine(made: Made, tmp_path: Path) -> Made:
-    """A source and a store to break."""
+    """Copy of the source and the store."""
     return made.copy(tmp_path)
 
 
@@ -29,7 +29,7 @@ def column(made: Made, name: str, part: str = "") -> list[str]:
 
 
 def fails_alone(called: Called) -> bool:
-    """Exit 1 with a summary, one failure and no traceback, and the recording of the other clip."""
+    """Check exit 1 with a summary, one failure and no traceback, and the recording of the other clip."""
     assert called.code == 1 and set(called.json) == KEYS and "Traceback" not in called.err, called.err
     return sum(called.json["failed"].values()) == 1 and called.json["cached"]["clip_record"] == 1
 
@@ -38,7 +38,7 @@ def fails_alone(called: Called) -> bool:
 
 
 def test_a_video_that_leads_out_of_the_source_is_refused(mine: Made, tmp_path: Path) -> None:
-    """A symbolic link may lead anywhere: what it shows is not part of the source."""
+    """The target of a symbolic link is not part of the source."""
     elsewhere = tmp_path / "elsewhere.MP4"
     media(mine.source, BAD).rename(elsewhere)
     media(mine.source, BAD).symlink_to(elsewhere)
@@ -55,8 +55,8 @@ def test_an_empty_or_cut_off_video_is_refused(size: int, mine: Made) -> None:
     assert fails_alone(refused) and f"{BAD}.MP4" in refused.words
 
 
-def test_masks_of_a_frame_that_is_not_there_are_refused(mine: Made) -> None:
-    """A video with fewer frames than its annotations speak of."""
+def test_masks_of_a_missing_frame_are_refused(mine: Made) -> None:
+    """A video with fewer frames than its annotations."""
     short = write_source(mine.source.parent / "short", (GOOD,))
     data = (short / "videos" / f"{GOOD}.MP4").read_bytes()
     media(mine.source, BAD).write_bytes(data)
@@ -67,7 +67,7 @@ def test_masks_of_a_frame_that_is_not_there_are_refused(mine: Made) -> None:
 
 
 def test_brackets_in_a_message_are_shown_as_they_are(mine: Made) -> None:
-    """What a file says is no markup of ours."""
+    """Text from a file is not markup."""
     path = next(mine.source.rglob(f"{BAD}.json"))
     path.write_text(path.read_text().replace('"segments": [[[', '"segments": [[["[/bold]",', 1))
     refused = mine.run("recordings")
@@ -75,16 +75,16 @@ def test_brackets_in_a_message_are_shown_as_they_are(mine: Made) -> None:
 
 
 def test_a_clip_without_masks_gives_no_samples_and_harms_no_other(mine: Made) -> None:
-    """No hand in contact: nothing to learn from. A data set of one video replaces that of two only when asked to."""
+    """A data set of one video replaces that of two only with --replace."""
     write_points(mine.source, BAD, [])
-    told = mine.run("dataset")
-    assert "Traceback" not in told.err and set(column(mine, "video", "-part")) == {GOOD}
-    assert "tiny-part is partial: " in told.words and set(column(mine, "video")) == {GOOD, BAD}
-    assert mine.run("dataset", "--replace").code == told.code and set(column(mine, "video")) == {GOOD}
+    shown = mine.run("dataset")
+    assert "Traceback" not in shown.err and set(column(mine, "video", "-part")) == {GOOD}
+    assert "tiny-part is partial: " in shown.words and set(column(mine, "video")) == {GOOD, BAD}
+    assert mine.run("dataset", "--replace").code == shown.code and set(column(mine, "video")) == {GOOD}
 
 
-def test_a_source_of_which_nothing_can_be_read_gives_no_data_set(made: Made, tmp_path: Path) -> None:
-    """Exit 1, all failures listed, no output promised."""
+def test_an_unreadable_source_gives_no_data_set(made: Made, tmp_path: Path) -> None:
+    """Exit 1, all failures listed, and no output."""
     source = write_source(tmp_path / "all-bad", VIDEOS)
     for video in VIDEOS:
         media(source, video).write_bytes(b"")
@@ -94,7 +94,7 @@ def test_a_source_of_which_nothing_can_be_read_gives_no_data_set(made: Made, tmp
 
 @pytest.mark.filterwarnings("ignore:Glyph")  # plots show boxes for scripts that their font lacks
 def test_long_and_unicode_narrations_reach_the_data_set(mine: Made) -> None:
-    """40,000 characters in several scripts, with quotes and line breaks, and nouns that EPIC does not know."""
+    """40,000 characters in several scripts, with quotes and line breaks, and nouns that EPIC lacks."""
     text = ('κόψε "το" ψωμί, 切面包 🍞 [/red]\n' * 2000)[:40_000]
     write_narrations(mine.source, {GOOD: {}, BAD: {"narration": text, "noun": "面包", "noun_class": -1, "all_nouns": "['面包']"}})
     done = mine.run("dataset")
@@ -107,7 +107,7 @@ def test_long_and_unicode_narrations_reach_the_data_set(mine: Made) -> None:
 
 @pytest.fixture
 def small_disk(tmp_path: Path) -> Iterator[Path]:
-    """A file system of 3 MB, where we may mount one."""
+    """A file system of 3 MB, where mounting is permitted."""
     place = tmp_path / "small"
     place.mkdir()
     mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=3m", "tmpfs", str(place)], capture_output=True)
@@ -118,8 +118,8 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
     subprocess.run(["umount", "-l", str(place)], check=True)
 
 
-def test_a_full_disk_is_said_and_what_was_finished_is_kept(made: Made, small_disk: Path) -> None:
-    """Exit 1 and one sentence; with more space, the run goes on from there."""
+def test_a_full_disk_is_reported_and_finished_results_are_kept(made: Made, small_disk: Path) -> None:
+    """Exit 1 and one sentence; the next run, with more space, resumes."""
     store = small_disk / "store"
     words = ("run", "dataset", "--source", made.source, "--store", store, "--jobs", "0", "--json")
     full = call(*words)
@@ -131,7 +131,7 @@ def test_a_full_disk_is_said_and_what_was_finished_is_kept(made: Made, small_dis
 
 
 def test_a_read_only_store_is_refused(made: Made, small_disk: Path) -> None:
-    """Before anything is computed, with what to do."""
+    """One sentence with advice, before anything is computed."""
     subprocess.run(["mount", "-o", "remount,ro", str(small_disk)], check=True)
     refused = call("run", "dataset", "--source", made.source, "--store", small_disk / "store", "--jobs", "0")
     assert refused.code == 1 and "the file system is read-only" in refused.words
@@ -139,15 +139,15 @@ def test_a_read_only_store_is_refused(made: Made, small_disk: Path) -> None:
 
 
 def test_a_store_that_is_a_file_is_refused(made: Made, tmp_path: Path) -> None:
-    """The same for every verb that opens one."""
+    """The same error for each verb that opens a store."""
     (tmp_path / "store").touch()
     for verb in ("status", "verify", "gc", "run"):
         refused = call(verb, "--store", tmp_path / "store")
-        assert refused.code == 2 and f"--store {tmp_path / 'store'}: expected" in refused.err and " file" in refused.err, verb
+        assert refused.code == 2 and f"error: --store {tmp_path / 'store'}: " in refused.err and "is a file" in refused.err, verb
 
 
 def test_a_source_with_an_unusual_name_is_a_source(made: Made, tmp_path: Path) -> None:
-    """Spaces, brackets, Greek: outputs bear the same name."""
+    """Spaces, brackets, Greek: outputs have the same name."""
     source = write_source(tmp_path / "κουζίνα [red] 1", (GOOD,))
     done = call("run", "recordings", "--source", source, "--store", made.copy(tmp_path).store, "--jobs", "0", "--json")
     assert done.code == 0 and source.name in done.json["outputs"]["recordings"] and source.name in done.err

@@ -1,4 +1,4 @@
-"""The laws of the whole pipeline on a video without masks."""
+"""The whole pipeline on a video without masks."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ HAND, CARD = (205, 150, 120), (90, 130, 160)
 
 
 def by_colour(pictures: np.ndarray, trained: FileTree) -> np.ndarray:
-    """A finder that knows the toy's colours; it must be given trained files all the same."""
+    """Hand finder that knows the toy's colours, but requires trained files."""
     assert trained.find("model.safetensors")
     smooth = np.stack([cv2.GaussianBlur(picture, (0, 0), 3) for picture in pictures]).astype(np.float32)
     out = np.zeros((*pictures.shape[:3], 4), np.float32)
@@ -50,8 +50,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def run(folder: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch):  # type: ignore[no-untyped-def]
-    """A run of `dataset`, in this process."""
-    monkeypatch.setattr(network, "ask", by_colour)
+    """Run `dataset` in this process."""
+    monkeypatch.setattr(network, "segment", by_colour)
 
     def made(store: Path, settings: Settings) -> RunReport:
         place, _ = origin("dataset", folder, settings, digest)
@@ -67,8 +67,9 @@ def looking(**more: object) -> Settings:
 
 
 def test_a_video_alone_becomes_a_data_set(run, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
-    """Samples of a hand that holds something, recordings that show what was found; a second run makes nothing; another view looks
-    again and learns nothing again.
+    """Samples of a hand that holds something, and recordings of the detections.
+
+    A second run does nothing; another view detects again, without training.
     """
     first = run(tmp_path / "store", looking())
     assert first.ok, first.failures
@@ -86,8 +87,8 @@ def test_a_video_alone_becomes_a_data_set(run, tmp_path: Path) -> None:  # type:
     assert turned["hand_detect"] == 1 and not TRAINING & turned.keys()
 
 
-def test_what_has_masks_is_not_looked_at_for_hands() -> None:
-    """The graph of a source with masks holds none of these stages; another backend needs no training."""
+def test_a_source_with_masks_needs_no_hand_detection() -> None:
+    """Its graph has none of these stages; another backend needs no training."""
     spec = SceneSpec("P91_01", "carry", "kitchen", seed=3)
     masked = {node.name for node in build("dataset", Origin("x", specs=(spec,)), Settings()).stages()}
     assert not masked & (TRAINING | {"hand_detect", "record_hand_detect"})
@@ -96,7 +97,7 @@ def test_what_has_masks_is_not_looked_at_for_hands() -> None:
         "hand_detect", "record_hand_detect"}  # fmt: skip
 
 
-def test_there_is_no_truth_to_score_it_by(folder: Path, tmp_path: Path) -> None:
-    """One sentence says what to do instead."""
+def test_a_report_without_ground_truth_is_refused(folder: Path, tmp_path: Path) -> None:
+    """One sentence with advice."""
     done = call("run", "extraction-report", "--source", folder, "--store", tmp_path)
     assert done.code != 0 and "the source has no masks and ground truth" in done.words

@@ -1,4 +1,4 @@
-"""Editing the code of afford itself: exactly the stages that reach an edit run again."""
+"""Edits of afford's own code: exactly the stages that reach an edit run again."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ BELOW_MASKS = {"hand_inpaint", "object_completion", "affordance_intersect", "sam
 
 @dataclass(frozen=True)
 class Checkout:
-    """A copy of the code, to edit, with a store that was made by the same code elsewhere."""
+    """Copy of the code, to edit, with a store that the same code filled elsewhere."""
 
     root: Path
     made: Made
 
     def edit(self, file: str, pattern: str, new: str) -> str:
-        """Replace the first match of a pattern; the text before."""
+        """Replace the first match of a pattern; return the previous text."""
         path = self.root / file
         text = path.read_text()
         assert re.search(pattern, text), f"{file} has no {pattern}; choose something else to edit"
@@ -41,7 +41,7 @@ class Checkout:
         return text
 
     def plan(self) -> dict[str, tuple[str, str]]:
-        """Stage -> (state, reason) of everything that is not cached."""
+        """Map each stage that is not cached to (state, reason)."""
         tasks = self._pipeline("--dry-run")["tasks"]
         return {task["stage"]: (task["status"], task["reason"]) for task in tasks if task["status"] != "cached"}
 
@@ -67,7 +67,7 @@ def checkout(made: Made, tmp_path: Path) -> Checkout:
 
 
 def test_comments_docs_and_other_backends_are_not_code(checkout: Checkout) -> None:
-    """In another folder, with a new comment, another docstring and a rewritten backend that nobody selects, nothing runs."""
+    """A copy in another folder with a new comment, a new docstring and a rewritten unselected backend runs nothing."""
     checkout.edit(BACKEND, r"\A", "# a comment\n")
     checkout.edit(HELPER, r'\A"""', '"""Another first line. ')
     checkout.edit("afford/extraction/tracks/densify.py", r"(?m)^def nearest\(", "UNUSED = 1\n\n\ndef nearest(")
@@ -75,7 +75,7 @@ def test_comments_docs_and_other_backends_are_not_code(checkout: Checkout) -> No
 
 
 def test_a_constant_of_a_backend_runs_the_stage_that_reaches_it(checkout: Checkout) -> None:
-    """The plan names the stage and the constant, and says of what is below that it depends; undone, nothing would run."""
+    """The plan names the stage and the constant, and lists the stages below as pending; undone, nothing would run."""
     before = checkout.edit(BACKEND, CONSTANT, r"\g<1>123.5")
     plan = checkout.plan()
     state, reason = plan.pop("mask_densify")
@@ -86,14 +86,14 @@ def test_a_constant_of_a_backend_runs_the_stage_that_reaches_it(checkout: Checko
 
 
 def test_an_edit_that_changes_no_bytes_runs_one_stage(checkout: Checkout) -> None:
-    """Code that is new but does the same: its stage runs, what is below is cut off."""
+    """Equivalent new code: its stage runs, the stages below are cut off."""
     checkout.edit("afford/extraction/labels.py", r"(?m)^def label_frames\(([\s\S]*?)\"\"\"\n", r'\g<0>    assert True\n')
     assert checkout.run() == {"narration_labelling": 2}
 
 
 @pytest.mark.slow
 def test_an_edit_that_changes_bytes_runs_what_they_reach_and_undo_is_free(checkout: Checkout) -> None:
-    """A constant of a backend: its stage and what reads the masks run, the rest does not; the old code finds its old outputs."""
+    """The stage and the readers of its masks run, the rest does not; the old code finds its old outputs."""
     before = checkout.edit(BACKEND, CONSTANT, r"\g<1>123.5")
     ran = checkout.run()
     assert ran["mask_densify"] == 2 and ran.keys() <= {"mask_densify", *BELOW_MASKS}

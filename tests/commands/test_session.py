@@ -1,4 +1,4 @@
-"""The command line knows how much of the machine it may use, also on systems that tell less than Linux does."""
+"""Cores and memory that the command line uses, also on systems that report less than Linux."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from commands import session
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def test_a_system_that_tells_little_is_used_whole(monkeypatch: pytest.MonkeyPatch) -> None:
-    """No affinity and no count of free pages: every core, and memory by the number of workers alone."""
+def test_a_system_without_affinity_is_used_fully(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Cores are those of the machine, and memory depends on the number of workers, without affinity and a count of free pages."""
     monkeypatch.delattr(os, "sched_getaffinity", raising=False)
     monkeypatch.delitem(os.sysconf_names, session.FREE_PAGES, raising=False)
     assert session.cores() == os.cpu_count()
@@ -27,13 +27,13 @@ def test_memory_is_bounded_by_what_is_free(monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setitem(os.sysconf_names, session.FREE_PAGES, -1)
     monkeypatch.setattr(session, "DEFAULT_JOBS", 8)
     for free_gib, budget in ((1, 2.0), (8, 6.0), (100, 24.0)):
-        told = {session.FREE_PAGES: free_gib * 2**18, "SC_PAGE_SIZE": 4096}
-        monkeypatch.setattr(os, "sysconf", told.__getitem__)
+        shown = {session.FREE_PAGES: free_gib * 2**18, "SC_PAGE_SIZE": 4096}
+        monkeypatch.setattr(os, "sysconf", shown.__getitem__)
         assert session._memory_gib() == budget
 
 
 def test_the_command_line_starts_without_affinity() -> None:
-    """As on macOS: importing it asks nothing that is not there."""
+    """Importing it on macOS needs no missing function."""
     code = ("import os; del os.sched_getaffinity; os.sysconf_names.pop('SC_AVPHYS_PAGES'); "
             "import commands.session as s; s._memory_gib()")  # fmt: skip
     subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True)

@@ -1,4 +1,4 @@
-"""Parameters from the command line fit their types, or are refused with the nearest valid name."""
+"""Parameters from the command line and files fit their types and bounds, or are refused with the nearest valid name."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ from stages.rgbd import sor3d_train
 from tests.helpers.command import call
 
 
-def test_nothing_said_gives_the_defaults() -> None:
-    """No --set and no file: the defaults."""
+def test_the_defaults_hold_without_settings() -> None:
+    """No --set and no file."""
     assert settings([], None) == Settings()
 
 
@@ -44,7 +44,7 @@ def test_the_command_line_wins_over_the_file(tmp_path: Path) -> None:
 
 
 def test_lists_are_written_with_commas_or_as_json() -> None:
-    """Both ways mean the same; what begins as JSON and is none is refused."""
+    """Both forms mean the same; invalid JSON is refused."""
     plain = settings(["grasp_report.rows=teacher, student"], None).grasping.grasp_report.rows
     assert plain == settings(['grasp_report.rows=["teacher","student"]'], None).grasping.grasp_report.rows == ("teacher", "student")
     with pytest.raises(UsageError, match=r"grasp_report\.rows: expected"):
@@ -52,9 +52,7 @@ def test_lists_are_written_with_commas_or_as_json() -> None:
 
 
 def test_a_variant_brings_its_schedule() -> None:
-    """SOR3D-AFF's width comes with its rate, batch, epochs, loss and turn, wherever among the words it is said; what is said
-    besides holds, from the command line as from a file.
-    """
+    """SOR3D-AFF's width sets rate, batch, epochs, loss and rotation, in any order of the words; explicit settings win."""
     paper = settings(["sor3d_train.steps=7", "sor3d_train.variant=paper", "sor3d_train.device=cpu"], None)
     assert paper.rgbd.sor3d_train == dataclasses.replace(sor3d_train.PAPER, steps=7, device="cpu")
     assert paper.rgbd.sor3d_pretrain.variant == "small"
@@ -77,14 +75,14 @@ def test_a_variant_brings_its_schedule() -> None:
         ("motion_synthesise.reach_s=0.5", r"motion_synthesise\.reach_s: expected .*float, float"),
     ],
 )
-def test_what_does_not_fit_is_refused(word: str, hint: str) -> None:
-    """Each refusal names the field and what to do."""
+def test_invalid_settings_are_refused(word: str, hint: str) -> None:
+    """Each refusal names the field and the remedy."""
     with pytest.raises(UsageError, match=hint):
         settings([word], None)
 
 
 def test_a_parameter_of_a_backend_is_set_in_its_block(tmp_path: Path) -> None:
-    """By its dotted name, and by a table of a file; the rest of the block and the other blocks stay."""
+    """Its dotted name, or a table of a file, changes it; the rest of the block and the other blocks stay."""
     file = tmp_path / "p.toml"
     file.write_text("[mask_densify]\nradius = 3\n[mask_densify.sam2]\nmemory_keys = 4\ncache_frames = 2\n")
     chosen = settings(["mask_densify.sam2.memory-keys=5"], file).extraction.mask_densify
@@ -93,7 +91,7 @@ def test_a_parameter_of_a_backend_is_set_in_its_block(tmp_path: Path) -> None:
     assert chosen == dataclasses.replace(usual, radius=3, sam2=sam2)
 
 
-@pytest.mark.parametrize(("word", "said"), [
+@pytest.mark.parametrize(("word", "message"), [
     ("mask_densify.model=DIR", "mask_densify.model belongs to the backend sam2; write mask_densify.sam2.model"),
     ("mask_densify.search_px=2", "mask_densify.search_px belongs to the backend flow; write mask_densify.flow.search_px"),
     ("hand_inpaint.batch=2", "hand_inpaint.batch belongs to the backends vidm and lama; write hand_inpaint.vidm.batch or "
@@ -107,17 +105,17 @@ def test_a_parameter_of_a_backend_is_set_in_its_block(tmp_path: Path) -> None:
     ("mask_densify.radius.px=3", "mask_densify.radius.px: mask_densify.radius is one value and has no parameters; write "
      "mask_densify.radius"),
 ])  # fmt: skip
-def test_a_name_that_a_parameter_had_is_refused_with_the_one_that_it_has(word: str, said: str, tmp_path: Path) -> None:
-    """The same from a file; no value is shown."""
+def test_a_former_parameter_name_is_refused_with_the_present_one(word: str, message: str, tmp_path: Path) -> None:
+    """The same holds for a file; no value is shown."""
     with pytest.raises(UsageError) as caught:
         settings([word], None)
-    assert str(caught.value) == said
+    assert str(caught.value) == message
     stage, _, rest = word.partition(".")
     name, _, value = rest.partition("=")
     (tmp_path / "p.json").write_text(json.dumps({stage: {name: value}}))
     with pytest.raises(UsageError) as caught:
         settings([], tmp_path / "p.json")
-    assert str(caught.value) == said
+    assert str(caught.value) == message
 
 
 def test_old_names_end_with_exit_code_2() -> None:
@@ -127,12 +125,12 @@ def test_old_names_end_with_exit_code_2() -> None:
 
 
 def test_blocks_are_described_and_the_selected_one_is_marked() -> None:
-    """Name by name, after what every backend reads, with the defaults of the stage: fewer words of a judge than of a describer."""
+    """Listed by name after the common parameters, with the defaults of the stage."""
     rows = {one.name: one for one in parameters_of(Settings().params("grasp_judge"))}
     assert list(rows)[:2] == ["backend", "frames"] and rows["vlm.new_tokens"].value == rows["endpoint.new_tokens"].value == 256
     assert {name for name, one in rows.items() if not one.selected} == {name for name in rows if name.startswith("endpoint.")}
-    told = {row["name"]: row for row in call("params", "mask_densify", "--json").json}
-    assert told["flow.search_px"]["selected"] and not told["sam2.model"]["selected"] and told["radius"]["selected"]
+    shown = {row["name"]: row for row in call("params", "mask_densify", "--json").json}
+    assert shown["flow.search_px"]["selected"] and not shown["sam2.model"]["selected"] and shown["radius"]["selected"]
 
 
 def test_a_damaged_file_is_refused(tmp_path: Path) -> None:
@@ -145,15 +143,15 @@ def test_a_damaged_file_is_refused(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("text", "got"), [("[1, 2]", "list"), ("7", "int"), ("null", "NoneType"), ('{"mask_densify": 3}', "int")])
 def test_a_file_without_tables_is_refused(text: str, got: str, tmp_path: Path) -> None:
-    """JSON may be a list or a number; the file is named, and what was there."""
+    """JSON may be a list or a number; the file and its type are named."""
     file = tmp_path / "p.json"
     file.write_text(text)
     with pytest.raises(UsageError, match=rf"p\.json: .*expected .*table.*, got {got}"):
         settings([], file)
 
 
-def test_every_parameter_has_a_doc_line() -> None:
-    """`python pipeline.py params` has something to say about each parameter of each stage."""
+def test_parameters_have_a_doc_line() -> None:
+    """`python pipeline.py params` prints it."""
     for stage in SYSTEM_OF:
         for one in parameters_of(Settings().params(stage)):
             assert one.doc, f"{stage}.{one.name} ({one.type}) has no doc line"
@@ -171,14 +169,14 @@ def test_a_stage_belongs_to_one_system() -> None:
         Settings.of(extraction_repord=few)
 
 
-def test_what_was_one_stage_for_all_trainings_names_the_others() -> None:
-    """A backend that model_train had is a stage of its own, and the error names it."""
+def test_former_backends_of_model_train_name_their_stages() -> None:
+    """The error names the stage that replaces the backend."""
     for backend, stage in (("sor3d", "sor3d_train"), ("sor3d_actions", "sor3d_pretrain"), ("boxes", "boxes_train")):
         with pytest.raises(UsageError, match=f"{backend} is trained by {stage}"):
             settings([f"model_train.backend={backend}"], None)
 
 
-def test_what_the_project_chooses_is_never_refused() -> None:
+def test_defaults_and_presets_are_valid() -> None:
     """Defaults of every stage, and presets."""
     chosen = [(stage, Settings().params(stage)) for stage in SYSTEM_OF]
     for stage, params in [*chosen, *((stage, params) for (stage, _, _), params in PRESETS.items())]:
@@ -213,8 +211,8 @@ def test_what_the_project_chooses_is_never_refused() -> None:
         ("mask_densify.backend=flw", "unknown backend of mask_densify 'flw'; did you mean 'flow'"),
     ],
 )
-def test_what_cannot_be_is_refused(word: str, hint: str) -> None:
-    """Each refusal names the parameter, what was expected and what was said."""
+def test_values_out_of_bounds_are_refused(word: str, hint: str) -> None:
+    """Each refusal names the parameter, the expected and the given value."""
     with pytest.raises(UsageError, match=hint):
         settings([word], None)
 
@@ -222,13 +220,13 @@ def test_what_cannot_be_is_refused(word: str, hint: str) -> None:
 @pytest.mark.parametrize("word", ["mask_densify.radius=0", "mask_densify.max_step_frames=0", "hand_inpaint.lama.window_px=0",
                                   "mask_densify.sam2.device=cuda:1", "sor3d_report.steps=0", "hand_inpaint.vidm.ddim_eta=0",
                                   "grasp_report.engines=mujoco", "dataset_pack.val_fraction=0"])  # fmt: skip
-def test_what_can_be_is_taken(word: str) -> None:
+def test_values_on_the_bounds_are_accepted(word: str) -> None:
     """0 where it means none, or any."""
     settings([word], None)
 
 
-def test_the_words_are_those_of_the_code() -> None:
-    """A word that is added there is missed here."""
+def test_the_listed_words_are_those_of_the_code() -> None:
+    """A new word of the code is missed here."""
     assert set(CHOICES["model_train", "variant"]) == set(interface.VARIANTS)
     for stage in SEQUENCES:
         assert set(CHOICES[stage, "variant"]) == set(VARIANTS) and CHOICES[stage, "row"] == tuple(ROWS)
@@ -240,7 +238,7 @@ def test_registries_are_named_after_what_chooses_from_them() -> None:
 
 
 @pytest.mark.parametrize("word", ["static_read.crop_px=0", "model_train.validate_every=0"])
-def test_where_nothing_has_a_meaning_it_is_taken(word: str) -> None:
+def test_zero_is_accepted_where_it_has_a_meaning(word: str) -> None:
     """Whole pictures; no validation."""
     stage, name = word.partition("=")[0].split(".")
     assert getattr(settings([word], None).params(stage), name) == 0

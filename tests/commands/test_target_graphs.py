@@ -1,4 +1,4 @@
-"""A stage is called by its name on a map, or by that of its file, whatever target has it."""
+"""Stages by name or by file in the targets that have them, and settings that a target does not use."""
 
 from __future__ import annotations
 
@@ -23,12 +23,20 @@ CALLED = {"rl_grasp_refinement": {"teacher_0", "no_negative_0"}}
 """names on the map where they are others"""
 
 
+@pytest.fixture(scope="module")
+def unused(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A store in which nothing has run; plans share the parsed code in it."""
+    store = tmp_path_factory.mktemp("unused") / "store"
+    call("run", "dataset", "--dry-run", "--store", store)
+    return store
+
+
 @pytest.mark.parametrize("stage", CARD)
-def test_a_plan_of_one_stage_names_it_and_what_it_needs(stage: str, tmp_path: Path) -> None:
-    """No target is named; the store is empty: the stage comes last, before it what was never made."""
-    said = call("run", "--only", stage.replace("_", "-"), "--dry-run", "--store", tmp_path, "--json")
-    assert said.code == 0 and said.json["target"] == CARD[stage]
-    planned = {task["stage"] for task in said.json["tasks"]}
+def test_a_plan_of_one_stage_names_it_and_what_it_needs(stage: str, unused: Path) -> None:
+    """The plan on an empty store, without a target, has the stage and everything that it needs."""
+    result = call("run", "--only", stage.replace("_", "-"), "--dry-run", "--store", unused, "--json")
+    assert result.code == 0 and result.json["target"] == CARD[stage]
+    planned = {task["stage"] for task in result.json["tasks"]}
     graph = usual(CARD[stage])
     nodes = [node for node in graph.stages() if node.name in CALLED.get(stage, {stage})]
     assert {node.name for node in nodes} == CALLED.get(stage, {stage}) <= planned
@@ -37,22 +45,20 @@ def test_a_plan_of_one_stage_names_it_and_what_it_needs(stage: str, tmp_path: Pa
 
 
 @pytest.mark.parametrize("stage", CARD)
-def test_every_stage_of_the_card_is_explained(stage: str, tmp_path: Path) -> None:
-    """`explain` and `status` find its target; `lineage` says how to make what was never made."""
-    call("run", "dataset", "--dry-run", "--store", tmp_path)
-    (tmp_path / "traces").mkdir(exist_ok=True)
-    said = call("explain", stage, "--store", tmp_path, "--json")
-    assert said.code == 0, said.err
-    assert said.json["target"] == CARD[stage]
-    assert {task["stage"] for task in said.json["tasks"]} == CALLED.get(stage, {stage})
-    counts = call("status", stage, "--store", tmp_path, "--json").json
+def test_stages_of_the_card_are_explained(stage: str, unused: Path) -> None:
+    """`explain` and `status` find the target; `lineage` says how to run a stage that never ran."""
+    result = call("explain", stage, "--store", unused, "--json")
+    assert result.code == 0, result.err
+    assert result.json["target"] == CARD[stage]
+    assert {task["stage"] for task in result.json["tasks"]} == CALLED.get(stage, {stage})
+    counts = call("status", stage, "--store", unused, "--json").json
     assert (counts["target"], set(counts["stages"])) == (CARD[stage], CALLED.get(stage, {stage}))
-    never = call("lineage", stage, "--store", tmp_path)
+    never = call("lineage", stage, "--store", unused)
     assert never.code == 2 and f"run --only {stage}" in never.err and never.err.count("\n") == 1
 
 
 @pytest.mark.parametrize("words", [("run", "--only"), ("run", "--dry-run", "--only"), ("explain",), ("status",), ("lineage",)])
-def test_a_stage_that_there_is_not_is_refused_with_the_nearest_name(words: tuple[str, ...], made: Made) -> None:
+def test_an_unknown_stage_is_refused_with_the_nearest_name(words: tuple[str, ...], made: Made) -> None:
     """Exit 2 and one sentence."""
     refused = call(*words, "mask_densfy", "--store", made.store)
     assert refused.code == 2 and refused.err.count("\n") == 1 and "mask_densfy" in refused.err
@@ -69,7 +75,7 @@ def test_names_on_a_map_come_before_those_of_files() -> None:
 
 
 def test_recordings_of_a_stage_are_its_own_or_those_that_show_it() -> None:
-    """A stage that reads its output and publishes a recording shows it; not what lies further down."""
+    """A stage that reads its output and publishes a recording counts; stages further down do not."""
     graph = usual("negative-affordance")
     node = {one.name: one for one in graph.stages()}
     assert [one.name for one in recorders(graph, node["negative_affordance_projection"])] == ["object_record"]
@@ -85,7 +91,7 @@ def test_recordings_of_a_stage_are_its_own_or_those_that_show_it() -> None:
 
 
 def test_a_stage_that_never_ran_brings_what_it_needs(made: Made, tmp_path: Path) -> None:
-    """On an empty store, without a target: what it needs is made, and it is recorded; a second time nothing runs."""
+    """Its inputs are computed and its output is recorded, without a target; a second run does nothing."""
     words = ("run", "--only", "narration_labelling", "--source", made.source, "--store", tmp_path, "--jobs", "0", "--json")
     first, again = call(*words), call(*words)
     assert first.code == again.code == 0
@@ -97,30 +103,31 @@ def test_a_stage_that_never_ran_brings_what_it_needs(made: Made, tmp_path: Path)
 
 
 def test_a_plan_of_one_stage_on_its_last_inputs_shows_that_stage(made: Made) -> None:
-    """And its recorder; what lies before it is not planned."""
-    said = made.ask("run", "--only", "mask_densify", "--dry-run", "--json", "--set", "mask_densify.radius=3").json["tasks"]
-    assert {(task["stage"], task["status"]) for task in said} == {("mask_densify", "run"), ("record_mask_densify", "pending")}
+    """The plan has the stage and its recorder, and no stage before them."""
+    result = made.ask("run", "--only", "mask_densify", "--dry-run", "--json", "--set", "mask_densify.radius=3").json["tasks"]
+    assert {(task["stage"], task["status"]) for task in result} == {("mask_densify", "run"), ("record_mask_densify", "pending")}
 
 
 def test_a_stage_of_another_source_is_not_run(made: Made, tmp_path: Path) -> None:
-    """What is stored of other videos does not count as what this source had last."""
+    """Results of other videos do not count as last inputs of this source."""
     from tests.helpers.tiny_source import write_source
 
     mine = made.copy(tmp_path)
     other = write_source(tmp_path / "other", ("P96_09",))
-    said = call("run", "--only", "frame_decode", "--source", other, "--store", mine.store, "--jobs", "0", "--no-record", "--json")
-    assert said.code == 0 and said.json["ran"] == {"source_read": 1, "clip_footage": 1, "frame_decode": 1}
-    assert "stale" not in said.words
+    words = ("--only", "frame_decode", "--source", other, "--store", mine.store, "--jobs", "0", "--no-record", "--json")
+    result = call("run", *words)
+    assert result.code == 0 and result.json["ran"] == {"source_read": 1, "clip_footage": 1, "frame_decode": 1}
+    assert "stale" not in result.words
 
 
-def test_lineage_of_a_stage_is_that_of_what_it_made_last(made: Made) -> None:
-    """By its name, or that of its file."""
-    told = made.ask("lineage", "mask-densify", source=False)
-    assert told.code == 0 and "mask_densify" in told.out.splitlines()[0] and "frame_decode" in told.out
+def test_lineage_of_a_stage_is_that_of_its_last_output(made: Made) -> None:
+    """Named by its name, or by that of its file."""
+    shown = made.ask("lineage", "mask-densify", source=False)
+    assert shown.code == 0 and "mask_densify" in shown.out.splitlines()[0] and "frame_decode" in shown.out
     assert "dataset_pack" in made.ask("lineage", "dataset_pack", source=False).out.splitlines()[0]
 
 
-@pytest.mark.parametrize(("words", "said"), [
+@pytest.mark.parametrize(("words", "message"), [
     (("explain", "model_train", "--target", "dataset"),
      "dataset has no stage 'model_train'; it belongs to train, benchmark, ablation"),
     (("explain", "model-train", "--target", "dataset"), "it belongs to train"),
@@ -136,22 +143,22 @@ def test_lineage_of_a_stage_is_that_of_what_it_made_last(made: Made) -> None:
     (("explain", "--set", "sor3d_train.steps=5"), "it belongs to sor3d"),
     (("run", "dataset", "--set", "scene_render.seed=1"), "dataset does not use scene_render with this source; it belongs to "),
 ])  # fmt: skip
-def test_what_belongs_to_other_targets_is_refused_with_their_names(words: tuple[str, ...], said: str, made: Made) -> None:
-    """Exit 2, one sentence, and nothing is run."""
+def test_stages_and_settings_of_other_targets_are_refused(words: tuple[str, ...], message: str, made: Made) -> None:
+    """Exit 2, one sentence with the targets that have them, and nothing runs."""
     before = made.traces
     refused = call(*words, "--source", made.source, "--store", made.store)
-    assert refused.code == 2 and said in refused.words and refused.err.count("\n") == 1 and made.traces == before
+    assert refused.code == 2 and message in refused.words and refused.err.count("\n") == 1 and made.traces == before
 
 
 def test_a_file_of_parameters_may_have_those_of_other_targets(made: Made, tmp_path) -> None:  # type: ignore[no-untyped-def]
-    """One file for several targets."""
+    """One file serves several targets."""
     (tmp_path / "all.toml").write_text("[model_train]\nsteps = 5\n[mask_densify]\nradius = 3\n")
     assert made.ask("explain", "--params", tmp_path / "all.toml").code == 0
 
 
 @pytest.mark.parametrize("target", TARGETS)
-def test_what_is_read_of_the_settings_is_found(target: str) -> None:
-    """Of every target: not all of them, and of each stage whose parameters are in the graph under its own name."""
+def test_read_settings_are_tracked(target: str) -> None:
+    """Stages whose parameters are in the graph under their own name are read, and not all stages are."""
     chosen, read = track_reads(Settings())
     graph = build(target, origin(target, None, chosen, lambda path: "")[0], chosen)
     fields = {stage: Settings().params(stage) for stage in SYSTEM_OF}

@@ -1,4 +1,4 @@
-"""Warnings of a run reach the terminal, also when everything is cached."""
+"""Warnings of a run, which a fully cached run shows as well."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ GOOD, BAD = VIDEOS
 
 
 def reported(mine: Made, monkeypatch: pytest.MonkeyPatch) -> RunReport:
-    """The report of one run of `recordings`."""
+    """Report of one run of `recordings`."""
     seen: list[RunReport] = []
     monkeypatch.setattr(command, "show_summary", lambda *given: seen.extend(one for one in given if isinstance(one, RunReport)))
     assert mine.run("recordings").code == 0
@@ -27,7 +27,7 @@ def reported(mine: Made, monkeypatch: pytest.MonkeyPatch) -> RunReport:
 
 @pytest.fixture
 def doubtful(made: Made, tmp_path: Path) -> Made:
-    """A source with a contact that is no mask, and images of another shape than the video, of one clip."""
+    """Source with an unknown contact, and with images of another shape than the video, in one clip."""
     mine = made.copy(tmp_path)
     path = next(mine.source.rglob(f"{BAD}.json"))
     document = json.loads(path.read_text())
@@ -43,7 +43,7 @@ def doubtful(made: Made, tmp_path: Path) -> Made:
 def test_warnings_are_counted_and_shown_by_a_cached_run_too(
     doubtful: Made, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """An unknown contact and a wrong size, of the clip that has them and of no other; a second run says the same."""
+    """An unknown contact and a wrong size, for the clip that has them alone; a second run shows the same."""
     first = reported(doubtful, monkeypatch)
     runner = open_runner(doubtful.store)
     found = gather(runner, first)
@@ -54,13 +54,13 @@ def test_warnings_are_counted_and_shown_by_a_cached_run_too(
     assert not second.ran and gather(open_runner(doubtful.store), second) == found
     capsys.readouterr()
     assert show_warnings(runner, second) == found
-    said = capsys.readouterr().err
-    assert said.startswith(f"{len(found)} warning(s)") and f"source_read {BAD}: " in said and "bogus" in said
+    result = capsys.readouterr().err
+    assert result.startswith(f"{len(found)} warning(s)") and f"source_read {BAD}: " in result and "bogus" in result
 
 
 def test_a_clean_source_has_none(made: Made, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
                                  capsys: pytest.CaptureFixture[str]) -> None:  # fmt: skip
-    """Nothing is printed."""
+    """The output is empty."""
     mine = made.copy(tmp_path)
     report, runner = reported(mine, monkeypatch), open_runner(mine.store)
     capsys.readouterr()
@@ -68,7 +68,7 @@ def test_a_clean_source_has_none(made: Made, tmp_path: Path, monkeypatch: pytest
 
 
 def test_many_warnings_of_one_video_are_summed_up(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    """The first three stand there, the others are counted."""
+    """The first three are listed, the others are counted."""
     found = [StageWarning("source_read", "v", f"no {n}") for n in range(90)]
     monkeypatch.setattr("commands.warnings.gather", lambda runner, report: found)
     show_warnings(None, None)  # type: ignore[arg-type]  # not looked at

@@ -1,4 +1,4 @@
-"""Weights of stages: found once, digested into the keys of those that read them, read where they lie."""
+"""Weights of stages: resolved once, digested into the keys of the stages that read them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from afford.extraction.tracks import Sam2
-from afford.models.weights import file_stamps, find_model, weight_files, weights_root, with_weights
+from afford.models.weights import file_stamps, find_model, weight_files, weights_root, with_local_weights
 from commands import backends
 from commands.errors import UsageError
 from commands.settings import settings
@@ -37,7 +37,7 @@ def model(tmp_path: Path) -> Path:
 
 
 def test_files_are_what_is_read_of_a_model(model: Path, tmp_path: Path) -> None:
-    """By name and content; words about it do not count, and neither does where it lies."""
+    """Names and contents count; documentation files and the location do not."""
     found = weight_files(str(model), digest)
     assert [file.name for file in found.files] == ["config.json", "sub/model.safetensors"] and weights_root(found) == model
     (model / "README.md").write_text("other words")
@@ -49,13 +49,14 @@ def test_files_are_what_is_read_of_a_model(model: Path, tmp_path: Path) -> None:
     assert weights_root(single) == model / "config.json"
 
 
-def test_params_say_where_the_files_lie(model: Path) -> None:
+def test_params_hold_the_location_of_the_files(model: Path) -> None:
     params = Sam2("label")
-    assert with_weights(params, None) is params and with_weights(params, weight_files(str(model), digest)).model == str(model)
+    assert with_local_weights(params, None) is params
+    assert with_local_weights(params, weight_files(str(model), digest)).model == str(model)
 
 
 def test_files_under_other_names_are_given_theirs(tmp_path: Path) -> None:
-    """As in the cache of a hub, where files are called by their digests; twice the same folder."""
+    """The cache of a hub names files by digest; repeated calls give the same folder."""
     for name in ("0a1b", "2c3d"):
         (tmp_path / name).write_text(name)
     refs = (FileRef("config.json", "0", 4, tmp_path / "0a1b"), FileRef("sub/x.safetensors", "1", 4, tmp_path / "2c3d"))
@@ -72,7 +73,7 @@ def test_a_stamp_tells_changed_files(model: Path) -> None:
 
 
 def test_settings_carry_files_of_stages_that_read_them(model: Path) -> None:
-    """Not of those whose backend reads none, nor of a server's model; in the graph they are an input."""
+    """Backends without weights and server models have none; in the graph the files are an input."""
     chosen = settings(["mask_densify.backend=sam2", f"mask_densify.sam2.model={model}", f"object_completion.sam2.model={model}",
                        "part_describe.backend=endpoint", "part_describe.endpoint.model=gpt"], None)  # fmt: skip
     found = resolve_weights(chosen, digest)
@@ -82,8 +83,8 @@ def test_settings_carry_files_of_stages_that_read_them(model: Path) -> None:
     assert resolve_weights(Settings(), digest) == Settings() and not weights(Graph(), Settings(), "mask_densify")
 
 
-def test_what_a_training_starts_from_is_an_input_too(model: Path) -> None:
-    """A changed checkpoint is another training; where it lies is none. A backend without pretrained parts refuses it."""
+def test_the_initial_weights_of_a_training_are_an_input(model: Path) -> None:
+    """A changed checkpoint is another training; its location does not count. A backend without pretrained parts refuses it."""
     plain = build("train", Origin("x"), Settings())
     chosen = settings(["model_train.variant=clip", f"model_train.backbones={model}", f"sor3d_train.backbones={model}"], None)
     found = resolve_weights(chosen, digest)
@@ -97,23 +98,24 @@ def test_what_a_training_starts_from_is_an_input_too(model: Path) -> None:
         resolve_weights(settings(["sor3d_train.backbones=/no/such/place"], None), digest)
 
 
-@pytest.mark.parametrize(("name", "said"), [("/no/such/place", "got nothing there; check the path"), ("EMPTY", "got none; name")])
-def test_what_cannot_be_found_is_a_usage_error(name: str, said: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("name", "message"), [
+    ("/no/such/place", "got nothing there; check the path"), ("EMPTY", "expected files of a model")])
+def test_a_missing_model_is_a_usage_error(name: str, message: str, tmp_path: Path) -> None:
     """The parameter is named."""
     name = str(tmp_path) if name == "EMPTY" else name
-    with pytest.raises(UsageError, match=f"mask_densify.sam2.model: .*{said}"):
+    with pytest.raises(UsageError, match=f"mask_densify.sam2.model: .*{message}"):
         resolve_weights(settings(["mask_densify.backend=sam2", f"mask_densify.sam2.model={name}"], None), digest)
 
 
 def test_a_backend_that_reads_weights_is_refused_without_any(model: Path) -> None:
-    """Before a clip is looked at, and saying what it reads; a usual backend that nobody gave a model is nobody's fault."""
+    """The error comes before a clip is read, and describes the weights. A default backend without a model is accepted."""
     with pytest.raises(UsageError, match=r"mask_densify.backend=sam2 .*mask_densify.sam2.model=MODEL, a Sam2VideoModel"):
         resolve_weights(settings(["mask_densify.backend=sam2"], None), digest)
     assert reads_weights(Settings.grasping.grasp_judge) and resolve_weights(Settings(), digest) == Settings()
 
 
 def test_a_hub_id_without_a_network_is_one_sentence(tmp_path: Path) -> None:
-    """What was downloaded before is found; what was not says how to get it."""
+    """Downloaded models are found; for others the error says how to get them."""
     code = ("from afford.models.weights import find_model\ntry:\n    find_model('some-owner/some-model')\n"
             "except ValueError as error:\n    print(error)")  # fmt: skip
     environment = {**os.environ, "HF_HUB_OFFLINE": "1", "HF_HOME": str(tmp_path)}
@@ -125,8 +127,8 @@ def test_a_hub_id_without_a_network_is_one_sentence(tmp_path: Path) -> None:
     (cached / "refs" / "main").write_text("0123456789abcdef0123456789abcdef01234567")
     (cached / "snapshots" / "0123456789abcdef0123456789abcdef01234567").mkdir(parents=True)
     (cached / "snapshots" / "0123456789abcdef0123456789abcdef01234567" / "config.json").write_text("{}")
-    done = subprocess.run([sys.executable, "-c", code.replace("    find(", "    print(find(").replace("model')", "model'))")],
-                          cwd=ROOT, env=environment, capture_output=True, text=True)  # fmt: skip
+    printing = code.replace("    find_model(", "    print(find_model(").replace("model')", "model'))")
+    done = subprocess.run([sys.executable, "-c", printing], cwd=ROOT, env=environment, capture_output=True, text=True)
     assert done.stdout.strip().endswith("snapshots/0123456789abcdef0123456789abcdef01234567"), done.stdout + done.stderr
 
 
@@ -136,7 +138,7 @@ def test_a_hub_id_without_a_network_is_one_sentence(tmp_path: Path) -> None:
 def test_a_revision_that_a_hub_id_names_is_the_one_that_is_downloaded(
     name: str, repository: str, revision: str | None, model: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Without one, the newest; the whole name stays in the parameters, so that a run states its revision."""
+    """The newest without one. The parameters keep the full name, so that a run states its revision."""
     called = []
 
     def download(repository: str, *, revision: str | None, allow_patterns: list[str]) -> str:
@@ -149,14 +151,14 @@ def test_a_revision_that_a_hub_id_names_is_the_one_that_is_downloaded(
 
 
 @pytest.mark.parametrize("name", ["owner/model@", "owner/model@-x", "owner/model@a b", "owner/model@a@b", "@main"])
-def test_what_is_no_revision_is_no_hub_id(name: str) -> None:
-    """Refused before anything is downloaded."""
+def test_an_invalid_revision_is_refused(name: str) -> None:
+    """The error comes before any download."""
     with pytest.raises(ValueError, match=r"OWNER/NAME or OWNER/NAME@REVISION\), got nothing there"):
         find_model(name)
 
 
 def test_a_revision_is_looked_for_in_the_cache_of_downloads(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """By `pipeline.py backends`: another revision of the same model is not here."""
+    """`pipeline.py backends` does not accept another revision of the same model."""
     commit = "0123456789abcdef0123456789abcdef01234567"
     snapshot = tmp_path / "models--owner--model" / "snapshots" / commit
     snapshot.mkdir(parents=True)

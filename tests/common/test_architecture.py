@@ -1,4 +1,4 @@
-"""The rooms of the house and what each may import (docs/decisions/002)."""
+"""Import rules between rooms (docs/decisions/002)."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def parsed(path: Path) -> ast.Module:
 
 
 def imported(path: Path, *, runtime_only: bool = True) -> set[str]:
-    """Full names of everything a file imports, also inside functions; imports for type checkers apart when asked."""
+    """Full names of everything a file imports, also inside functions; without imports for type checkers when `runtime_only`."""
     tree = parsed(path)
     skipped = set()
     if runtime_only:
@@ -57,23 +57,23 @@ def imported(path: Path, *, runtime_only: bool = True) -> set[str]:
 
 
 @pytest.mark.parametrize("room", MAY_IMPORT)
-def test_a_room_imports_only_what_the_table_allows(room: str) -> None:
-    """No file imports to its right in schemas <- afford <- stages <- maps <- commands <- pipeline; runner stands alone."""
+def test_imports_of_a_room_are_in_the_table(room: str) -> None:
+    """No file imports to its right in schemas <- afford <- stages <- maps <- commands <- pipeline; runner imports none of them."""
     for path in sources(room):
         found = {name.split(".")[0] for name in imported(path)} & set(ROOMS)
         assert found <= MAY_IMPORT[room], f"{path.relative_to(ROOT)} imports {sorted(found - MAY_IMPORT[room])}"
 
 
 @pytest.mark.parametrize("room", ROOMS)
-def test_what_is_imported_of_ours_is_there(room: str) -> None:
-    """Modules, and what is taken out of them; also in scripts that no test runs."""
+def test_imported_names_exist(room: str) -> None:
+    """Modules and their attributes, also in scripts that no test runs."""
     for path in sources(room):
         missing = {name for name in imported(path, runtime_only=False) if name.split(".")[0] in ROOMS and not there(name)}
         assert not missing, f"{path.relative_to(ROOT)} imports {sorted(missing)}"
 
 
 def there(name: str) -> bool:
-    """Whether a full name is that of a file, of a folder, or of something that a file names at its outermost level."""
+    """Return true if a full name is that of a file, a folder, or a top-level name of a file."""
     path = ROOT.joinpath(*name.split("."))
     if path.is_dir() or path.with_suffix(".py").is_file():
         return True
@@ -83,7 +83,7 @@ def there(name: str) -> bool:
 
 @cache
 def outermost(path: Path) -> set[str]:
-    """What a file defines or imports outside of functions and classes."""
+    """Names that a file defines or imports outside functions and classes."""
     names = set[str]()
     nodes = list[ast.AST](ast.parse(path.read_text()).body)
     while nodes:
@@ -122,20 +122,20 @@ def test_one_home_for_each_simulator_and_for_the_viewer(package: str, home: tupl
 
 
 def test_one_home_for_the_extra_engine() -> None:
-    """One file asks for mujoco_warp and warp."""
+    """One file imports mujoco_warp and warp."""
     users = {path.relative_to(ROOT).as_posix() for room in MAY_IMPORT for path in sources(room) if '"gpu")' in path.read_text()}
     assert users == {"afford/grasping/sim/warp_worlds.py"}
 
 
 @pytest.mark.parametrize("package", ["torch", "cv2", "numpy", "mcap", "trimesh", "pybullet", "gymnasium", "rerun"])
-def test_every_declared_package_is_really_used(package: str) -> None:
+def test_declared_packages_are_used(package: str) -> None:
     """Each of the eight packages that the project stands on has an importer outside the tests."""
     users = [path for room in MAY_IMPORT for path in sources(room) if package in {n.split(".")[0] for n in imported(path)}]
     assert users, f"nothing imports {package}"
 
 
 def test_torchvision_is_nowhere() -> None:
-    """No file imports torchvision, or what drags it in; it breaks beside the pinned torch."""
+    """No file imports torchvision, or a package that imports it; it breaks with the pinned torch."""
     banned = {"torchvision", "timm", "segmentation_models_pytorch", "open_clip", "lerobot", "sam2", "ptlflow"}
     for room in ROOMS:
         for path in sources(room):
@@ -147,7 +147,7 @@ def test_torchvision_is_nowhere() -> None:
 
 
 def loaded_by(statements: str) -> set[str]:
-    """What is loaded after them."""
+    """Modules that are loaded after the statements."""
     code = f"import sys\n{statements}\nprint(*sys.modules)"
     return set(subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True).stdout.split())
 
@@ -172,8 +172,8 @@ LOOSE = {"afford": {"__init__.py", "environments.py", "shadows.py"}, "stages": {
 
 
 @pytest.mark.parametrize("place", FIXED)
-def test_the_rooms_are_those_of_the_plan(place: str) -> None:
-    """The six systems and the ground they stand on, and no file beside them."""
+def test_rooms_are_those_of_the_design(place: str) -> None:
+    """The six systems and their common ground, and no loose file."""
     rooms = {path.name for path in (ROOT / place).iterdir() if path.is_dir() and any(path.rglob("*.py"))}
     files = {path.name for path in (ROOT / place).glob("*.py")}
     assert rooms == FIXED[place] and files == LOOSE[place], (rooms ^ FIXED[place], files ^ LOOSE[place])
@@ -223,7 +223,7 @@ def folders(graph: dict[Path, set[Path]]) -> dict[Path, set[Path]]:
     return out
 
 
-def test_no_circle() -> None:
+def test_imports_have_no_circle() -> None:
     """Neither files nor folders import each other in a circle. Entries of registries count between folders; within one, a
     registry may stand beside the Protocol of its entries. An `__init__` hands on what its package has.
     """
@@ -232,7 +232,7 @@ def test_no_circle() -> None:
     assert not circles(folders(arrows(ROOT)))
 
 
-def test_a_planted_circle_and_a_planted_wrong_import_are_seen(tmp_path: Path) -> None:
+def test_planted_circle_and_planted_wrong_import_are_found(tmp_path: Path) -> None:
     """The rules for folders, and the contracts of the linter, fail on what they forbid."""
     for room in ("afford", "stages", "schemas", "maps", "commands", "runner"):
         shutil.copytree(ROOT / room, tmp_path / room, ignore=shutil.ignore_patterns("__pycache__"))
@@ -246,7 +246,7 @@ def test_a_planted_circle_and_a_planted_wrong_import_are_seen(tmp_path: Path) ->
 
 
 def linted(folder: Path) -> subprocess.CompletedProcess[str]:
-    """What the linter of imports says of a copy of the project."""
+    """Run the import linter on a copy of the project."""
     command = [str(Path(sys.executable).with_name("lint-imports")), "--no-cache"]
     return subprocess.run(command, cwd=folder, capture_output=True, text=True)
 
@@ -260,7 +260,7 @@ def test_the_map_reaches_the_command_line_only_as_a_program() -> None:
 
 
 def is_main(node: ast.AST) -> bool:
-    """Whether a statement is `if __name__ == "__main__":`."""
+    """Return true for the statement `if __name__ == "__main__":`."""
     return isinstance(node, ast.If) and "__main__" in ast.unparse(node.test)
 
 
@@ -277,8 +277,8 @@ def test_the_targets_are_given_to_the_command_line() -> None:
     assert "pipeline" not in loaded_by(f"import {every}")
 
 
-def test_the_rules_can_fail(tmp_path: Path) -> None:
-    """A planted cheat is seen: an import inside a function counts, one for type checkers does not."""
+def test_planted_import_fails_the_rules(tmp_path: Path) -> None:
+    """A planted wrong import is found: an import inside a function counts, one for type checkers does not."""
     cheat = tmp_path / "cheat.py"
     hidden = "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    import torch\n"
     cheat.write_text(hidden + "def f():\n    import stages.extraction.mask_densify\n")

@@ -1,4 +1,4 @@
-"""Parameters by backend: of every stage, each block belongs to one backend, which reads all of it and nothing else."""
+"""Parameters by backend: each block of a stage belongs to one backend, which reads all of its fields and no other block."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from tests.helpers.stage_files import MODULES
 
 ROOT = Path(__file__).resolve().parents[2]
 BY_STAGE = {"hand_model"}
-"""stages that read the block themselves: what a backend made is completed with it"""
+"""stages that also read the block of the selected backend themselves"""
 READERS = {"endpoint": ("afford.models.chat_endpoint",), "vlm": ("afford.models.chat_model",), "umd": ("afford.rgbd.readers.umd",)}
-"""backend -> modules that it hands its parameters to"""
+"""backend -> modules that receive its parameters"""
 QUESTIONS = 11
 """Protocols of backends that have parameters of their own"""
 
@@ -44,7 +44,7 @@ STAGES = [stage for stage in MODULES if entries(stage) and blocks(defaults(stage
 
 
 def own(stage: str, name: str) -> Any:
-    """The block of a backend, None for one without."""
+    """Return the block of a backend, None for one without."""
     return getattr(defaults(stage), name.replace("-", "_"), None)
 
 
@@ -61,7 +61,7 @@ def changed(stage: str, name: str) -> Iterator[Any]:
 
 
 def test_stages_have_blocks() -> None:
-    """None was forgotten when this file was written."""
+    """Every stage with backends that have parameters is tested here."""
     assert set(STAGES) >= {"mask_densify", "hand_inpaint", "object_completion", "hand_detect", "mask_propose", "mask_score",
                            "part_describe", "mesh_texture", "grasp_judge", "scene_flow", "static_read", "static_evaluate",
                            "hand_model"}  # fmt: skip
@@ -69,13 +69,13 @@ def test_stages_have_blocks() -> None:
 
 @pytest.mark.parametrize("stage", STAGES)
 def test_a_block_is_named_after_a_backend(stage: str) -> None:
-    """So that the runner knows when it counts."""
+    """The name tells the runner when the block counts."""
     assert blocks(defaults(stage)).keys() <= {name.replace("-", "_") for name in entries(stage)}
 
 
 @pytest.mark.parametrize("stage", STAGES)
 def test_a_backend_takes_its_own_block(stage: str) -> None:
-    """What a backend declares as `params` is the type of its block, None where it has none."""
+    """The annotation of `params` is the type of the block, None for a backend without."""
     for name, entry in entries(stage).items():
         module, _, attribute = entry.partition(":")
         function = getattr(importlib.import_module(module), attribute)
@@ -88,7 +88,7 @@ def test_a_backend_takes_its_own_block(stage: str) -> None:
 
 @pytest.mark.parametrize("stage", STAGES)
 def test_a_backend_reads_every_field_of_its_block(stage: str) -> None:
-    """A field that nothing reads would be a promise that nothing keeps."""
+    """Every field of a block is read in the modules of its backend."""
     for name, entry in entries(stage).items():
         block = own(stage, name)
         readers = [MODULES[stage]] if stage in BY_STAGE else [entry.partition(":")[0], *READERS.get(name, ())]
@@ -99,7 +99,7 @@ def test_a_backend_reads_every_field_of_its_block(stage: str) -> None:
 
 @pytest.mark.parametrize("stage", STAGES)
 def test_a_value_counts_only_where_its_backend_is_selected(stage: str) -> None:
-    """In the parameters of a key: one field after the other, of every block."""
+    """The parameters of a key change with a field only if the block is selected; every field of every block."""
     modules = Modules(ROOT)
     for name in blocks(defaults(stage)):
         backend = next(entry for entry in entries(stage) if entry.replace("-", "_") == name)
@@ -138,7 +138,7 @@ def coded(root: Path, backend: str) -> str:
     return fingerprint(Modules(root), f"{MODULES['mask_densify']}:run", select_of(params)).digest
 
 
-def test_no_question_takes_anything() -> None:
+def test_protocols_have_no_any() -> None:
     """The Protocols of backends name the type of every argument and of what comes back; `params` is the backend's own."""
     found = 0
     for path in sorted((ROOT / "afford").rglob("*.py")):
@@ -149,7 +149,7 @@ def test_no_question_takes_anything() -> None:
     assert found == QUESTIONS
 
 
-def test_no_parameters_may_be_anything() -> None:
+def test_params_are_typed() -> None:
     """An argument called `params` has a type, here and in the stages."""
     paths = [path for folder in ("afford", "stages") for path in (ROOT / folder).rglob("*.py")]
     named = [(path, node) for path in paths for node in ast.walk(ast.parse(path.read_text()))
@@ -159,7 +159,7 @@ def test_no_parameters_may_be_anything() -> None:
     assert named and not loose
 
 
-def test_registries_are_what_selects() -> None:
+def test_registries_of_the_runner_equal_those_of_python() -> None:
     """The runner finds the same backends as Python."""
     modules = Modules(ROOT)
     for stage in STAGES:

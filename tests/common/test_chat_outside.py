@@ -84,8 +84,8 @@ def proxy(connection: socket.socket, here: Listener) -> None:
 # -- the key -----------------------------------------------------------------------------------------------------------
 
 
-def test_no_proxy_sees_a_request_to_this_machine(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whatever the environment says of proxies; the server gets key and question."""
+def test_requests_to_this_machine_bypass_proxies(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Proxies of the environment are ignored; the server gets key and question."""
     with listening(proxy) as between, serving(lambda _: says(GOOD)) as server:
         for name in PROXIES:
             monkeypatch.setenv(name, f"http://127.0.0.1:{between.port}")
@@ -174,7 +174,7 @@ def relay(one: socket.socket, other: socket.socket, here: Listener) -> None:
 
 @pytest.mark.parametrize("status", [301, 302, 303, 307, 308])
 def test_a_redirect_carries_nothing_to_another_host(status: int) -> None:
-    """It is refused in one sentence; the other server is not reached."""
+    """The redirect is refused in one sentence; the other server is not reached."""
     with listening(proxy) as other:
         answer = Answer(status, None, (("Location", f"http://127.0.0.1:{other.port}/v1/chat/completions"),))
         with serving(lambda _: answer) as server, pytest.raises(ValueError, match="sends us elsewhere"):
@@ -191,7 +191,7 @@ def test_a_redirect_carries_nothing_to_another_host(status: int) -> None:
     (b"HTTP/1.1 200 OK\r\n\r\n", b" "), (b"HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\n", b"1\r\n \r\n"),
     (b"HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\n1", b";"), (b"HTTP/1.1 500 No\r\nContent-Length: 4000\r\n\r\n", b" "),
 ], ids=["status", "headers", "a header", "continue", "body", "no length", "chunks", "a chunk", "refusal"])  # fmt: skip
-def test_a_server_that_dribbles_is_left_at_the_deadline(at_once: bytes, piece: bytes) -> None:
+def test_a_slow_server_is_dropped_at_the_deadline(at_once: bytes, piece: bytes) -> None:
     """Wherever it is slow: the silence between two pieces never lasts as long as timeout_s, the request does."""
     sent, left = [0], threading.Event()
 
@@ -211,7 +211,7 @@ def test_a_server_that_dribbles_is_left_at_the_deadline(at_once: bytes, piece: b
     assert 0 < sent[0] < MANY / 2
 
 
-def test_a_server_that_does_not_read_is_left_at_the_deadline() -> None:
+def test_a_server_that_does_not_read_is_dropped_at_the_deadline() -> None:
     """A picture that does not fit into the buffers on the way."""
     done = threading.Event()
 
@@ -243,7 +243,7 @@ def test_a_reply_without_end_is_refused(monkeypatch: pytest.MonkeyPatch) -> None
 
 
 @pytest.mark.parametrize("url", ["http://[", "http://host:99999999/v1", "http://host:0/v1", "http://host:port/v1"])
-def test_an_address_that_is_none_is_refused_in_a_sentence(url: str) -> None:
-    """Before anything is sent."""
+def test_an_invalid_address_is_refused(url: str) -> None:
+    """The address is refused before anything is sent."""
     with pytest.raises(ValueError, match=r"expected http\(s\)://HOST"):
         check_url(url)

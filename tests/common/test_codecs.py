@@ -1,4 +1,4 @@
-"""Every schema comes back from disk as it was, to the bit, and its digest says what it means and nothing else."""
+"""Codecs: lossless storage of every schema, and content digests that depend on the value only."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ SIZES = {"t": 3, "h": 6, "w": 8, "n": 2, "m": 4, "s": 5, "b": 7}
 
 
 LIMITS = {("HandLessons", "labels"): 5}
-"""(schema, field) -> values are below it, where a schema checks that"""
+"""(schema, field) -> exclusive upper limit of its values, where a schema checks one"""
 
 
 def test_the_catalogue_lists_every_schema() -> None:
-    """Each dataclass of `schemas/` that is a Schema, and nothing else; the catalogue counts for no key."""
+    """The catalogue contains each dataclass of `schemas/` that is a Schema, and is part of no key."""
     written = {node.name for path in (ROOT / "schemas").rglob("*.py") for node in ast.parse(path.read_text()).body
                if isinstance(node, ast.ClassDef) and any(ast.unparse(base) == "Schema" for base in node.bases)}
     assert kinds().keys() == written
@@ -44,7 +44,7 @@ def test_the_catalogue_lists_every_schema() -> None:
 
 
 def example(kind: type, seed: int) -> Any:
-    """A value of any schema, filled from its own field declarations."""
+    """Build a value of any schema from its field declarations."""
     rng = np.random.default_rng(seed)
     hints = typing.get_type_hints(kind, vars(sys.modules[kind.__module__]) | {"np": np})
     fields = dataclasses.fields(kind)
@@ -79,8 +79,8 @@ PLAIN = sorted(set(kinds()) - set(BUNDLES) - {"FileRef", "FileTree"})
 
 
 @pytest.mark.parametrize("name", PLAIN)
-def test_every_schema_comes_back(name: str, tmp_path: Path) -> None:
-    """Save and load: the same content digest, read-only arrays, and the digest of another value differs."""
+def test_round_trip_of_each_schema(name: str, tmp_path: Path) -> None:
+    """Save and load keep the content digest; arrays are read-only, and another value has another digest."""
     value = example(kinds()[name], 1)
     save(value, tmp_path)
     again = load_folder(tmp_path)
@@ -95,7 +95,7 @@ def test_every_schema_comes_back(name: str, tmp_path: Path) -> None:
 @settings(max_examples=20, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 4), st.integers(1, 33), st.integers(1, 33))
 def test_frames_are_lossless_at_any_size(seed: int, t: int, h: int, w: int) -> None:
-    """Noise, odd sizes, one pixel: every frame comes back to the bit."""
+    """Frames of noise, odd sizes and single pixels are restored exactly."""
     import tempfile
 
     rgb = np.random.default_rng(seed).integers(0, 256, (t, h, w, 3), np.uint8)
@@ -105,7 +105,7 @@ def test_frames_are_lossless_at_any_size(seed: int, t: int, h: int, w: int) -> N
         assert load_folder(Path(folder)).rgb.tobytes() == rgb.tobytes()
 
 
-def test_no_frames_at_all(tmp_path: Path) -> None:
+def test_empty_frame_stack_keeps_its_shape(tmp_path: Path) -> None:
     """An empty stack keeps its shape."""
     empty = Frames("c", np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 4, 6, 3), np.uint8))
     save(empty, tmp_path)
@@ -118,8 +118,8 @@ def tree(folder: Path, name: str = "v") -> FileTree:
     return FileTree(name, (FileRef("sub/a.txt", "d1", 5, folder / "a.txt"),))
 
 
-def test_a_file_is_its_name_and_digest(tmp_path: Path) -> None:
-    """A tree that lies elsewhere is the same tree; its files are linked, not copied."""
+def test_file_identity_is_name_and_digest(tmp_path: Path) -> None:
+    """A tree at another path is the same tree; its files are linked, not copied."""
     one, two = tree(tmp_path / "one"), tree(tmp_path / "two")
     assert digest(one) == digest(two)
     (tmp_path / "out").mkdir()
@@ -130,7 +130,7 @@ def test_a_file_is_its_name_and_digest(tmp_path: Path) -> None:
 
 
 def test_bundles_split_into_their_fields(tmp_path: Path) -> None:
-    """A rendered clip is three artifacts, and comes together again."""
+    """A rendered clip splits into three artifacts and is rebuilt from them."""
     bundle = RenderedClip(*(tree(tmp_path / name, "P91_01") for name in ("files", "media", "truth")))
     parts = CODEC.children(bundle)
     assert parts is not None and [name for name, _ in parts] == ["files", "media", "truth"]
@@ -139,7 +139,7 @@ def test_bundles_split_into_their_fields(tmp_path: Path) -> None:
 
 
 def test_a_file_in_two_parts_of_an_output_is_stored_once(tmp_path: Path) -> None:
-    """It is moved out of the scratch folder for the first, and found again for the second."""
+    """The file is moved out of the scratch folder once, and found again for the second reference."""
     scratch = tmp_path / "scratch"
     part = tree(scratch, "P91_01")
     file = replace(part.files[0], digest=blake3(b"hello").hexdigest())
@@ -151,8 +151,8 @@ def test_a_file_in_two_parts_of_an_output_is_stored_once(tmp_path: Path) -> None
     assert again.media.files[0].path.read_text() == "hello" and not file.path.exists()
 
 
-def test_a_long_list_stays_on_disk_until_it_is_walked(tmp_path: Path) -> None:
-    """It is as long, holds what it held in the same order, may be walked again, and is saved again with the same digest."""
+def test_long_list_is_loaded_lazily(tmp_path: Path) -> None:
+    """A lazy list keeps its length and order, can be iterated repeatedly, and is saved with the same digest."""
     value = example(kinds()["Samples"], 1)
     (tmp_path / "a").mkdir()
     save(value, tmp_path / "a")
@@ -189,7 +189,7 @@ def test_digests_do_not_depend_on_the_process() -> None:
     assert found == {f"{digest(example(Clip, 3))} {schema_version('Clip')}\n"}
 
 
-def test_what_is_no_schema_is_refused(tmp_path: Path) -> None:
+def test_foreign_values_are_refused(tmp_path: Path) -> None:
     """A path, a list and a foreign object have no digest and are not saved."""
     for value in (tmp_path, [1], object()):
         with pytest.raises(TypeError):
@@ -198,8 +198,8 @@ def test_what_is_no_schema_is_refused(tmp_path: Path) -> None:
         CODEC.kind([1])
 
 
-def test_the_wrong_kind_is_refused(tmp_path: Path) -> None:
-    """Files of one schema are not taken for another."""
+def test_files_of_another_kind_are_refused(tmp_path: Path) -> None:
+    """Files of one schema are not loaded as another."""
     save(example(Clip, 1), tmp_path)
     with pytest.raises(ValueError, match="expected a Frames, got Clip"):
         load("Frames", {path.name: path for path in tmp_path.iterdir()})

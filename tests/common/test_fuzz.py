@@ -1,4 +1,4 @@
-"""Every reader that docs/ names takes any file: it reads it, or refuses it with a declared error in one sentence."""
+"""Readers of mutated files: each file is read, or refused with a declared error in one sentence."""
 
 from __future__ import annotations
 

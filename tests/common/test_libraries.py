@@ -1,4 +1,4 @@
-"""Every third-party package that a stage can reach stands in its LIBRARIES, so that its version is in the key."""
+"""LIBRARIES of a stage list every third-party package that it can reach, so that its version is in the key."""
 
 from __future__ import annotations
 
@@ -18,12 +18,13 @@ STAGES = sorted(MODULES)
 
 @pytest.fixture(scope="module")
 def distributions() -> dict[str, list[str]]:
+    """Import name -> names of distributions."""
     return dict(packages_distributions())
 
 
 @pytest.mark.parametrize("stage", STAGES)
 def test_libraries_are_complete(stage: str, distributions: dict[str, list[str]]) -> None:
-    """Whichever backend is selected; import names are turned into names of distributions."""
+    """LIBRARIES hold for every backend; import names are mapped to distribution names."""
     declared = set(declarations(Modules(ROOT), MODULES[stage])["LIBRARIES"])
     reached = reachable_third_party(ROOT, f"{MODULES[stage]}:run")
     missing = {name for name in reached if not declared & set(distributions.get(name, [name]))}

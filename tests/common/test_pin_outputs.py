@@ -1,4 +1,4 @@
-"""What `benchmarks/pin_outputs.py` says of outputs before and after a change."""
+"""Comparison of outputs before and after a change by `benchmarks/pin_outputs.py`."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ def test_a_stage_that_differs_is_named_with_its_shards() -> None:
     assert (found.equal, found.different) == (2, ["read: 1 of 2: b (2 9)"])
 
 
-def test_what_is_gone_or_new_differs() -> None:
+def test_removed_and_new_outputs_differ() -> None:
     found = compare(BEFORE, {"read": {"a": "1"}, "other": {"": "4"}})
     assert found.different == ["read: 1 of 2: b", "model_train: gone", "other: new"]
     assert compare({}, BEFORE).different == ["read: new", "model_train: new"]
 
 
-def test_every_target_is_pinned() -> None:
+def test_targets_are_pinned() -> None:
     assert set(TARGETS) - {ALL} == {run.target for run in RUNS.values()}
     pinned = json.loads(PINNED.read_text())["targets"]
     assert list(pinned) == list(RUNS)
@@ -48,7 +48,7 @@ def test_every_target_is_pinned() -> None:
 
 @pytest.mark.parametrize("name", RUNS)
 def test_settings_of_a_run_fit_its_target(name: str, tmp_path: Path) -> None:
-    """As the command line takes them."""
+    """The command line accepts the settings of every run."""
     asked = request(RUNS[name], tmp_path)
     graph, *_ = graph_of_request(asked.target, asked.source, (), asked.sets, {"": settings(asked.sets, None)}, file_digest)
     assert graph.targets

@@ -1,4 +1,4 @@
-"""Every stage is a pure function: run again elsewhere, later and under watch, it gives the same bytes and opens nothing else."""
+"""Purity of stages: run again elsewhere, later and under watch, a stage gives the same bytes and opens no other file."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ from tests.helpers.stage_files import MODULES
 ROOT = Path(__file__).resolve().parents[2]
 STAGES = sorted(MODULES)
 OTHER_ENVIRONMENT = {
-    "HOME": "/nonexistent", "USER": "somebody", "TZ": "Pacific/Chatham", "LANG": "C", "LC_ALL": "C", "PYTHONUTF8": "0",
+    "HOME": "/nonexistent", "USER": "other", "TZ": "Pacific/Chatham", "LANG": "C", "LC_ALL": "C", "PYTHONUTF8": "0",
     "PYTHONCOERCECLOCALE": "0", "PYTHONHASHSEED": "4711", "PYTHONDONTWRITEBYTECODE": "1", "COLUMNS": "40",
     "OPENBLAS_NUM_THREADS": "3", "SOURCE_DATE_EPOCH": "1", "MPLBACKEND": "svg"}  # fmt: skip
 MACHINE_KIND = ("OPENBLAS_CORETYPE",)
-"""which vector units linear algebra is told to use: that is the kind of machine, for which alone bytes are promised"""
+"""selects the vector units of linear algebra; bytes are promised for one kind of machine only"""
 COMPARED = ("predict_cases", "baseline_cases", "score_cases", "benchmark")
-"""stages that other tests run as well"""
+"""stages whose store is the fixture `compared`"""
 OTHER_STYLE = "figure.dpi: 33\nlines.linewidth: 9\nsavefig.facecolor: red\nimage.cmap: gray\n"
 
 
@@ -107,8 +107,9 @@ def benchmarked(compared: tuple[Path, RunReport]) -> Path:
 @pytest.mark.parametrize("stage", STAGES)
 def test_stage_is_pure(stage: str, made: Made, filled: Callable[[Maker], Path], probe: Server, request: pytest.FixtureRequest,
                        tmp_path: Path) -> None:  # fmt: skip
-    """With another working directory, environment, clock, hash seed and random state, and read-only inputs, it gives the
-    bytes that it gave before, opens no undeclared file, starts no process, opens no connection and prints nothing.
+    """Replay a stage with another working directory, environment, clock, hash seed and random state, and read-only inputs.
+
+    It gives the same bytes, opens no undeclared file, starts no process, opens no connection and prints nothing.
     """
     store = filled(ELSEWHERE[stage]) if stage in ELSEWHERE else made.store
     if stage in COMPARED:
@@ -131,7 +132,7 @@ def one_of_each(traces: Iterable[Trace], function: str) -> list[Trace]:
 
 
 def test_impure_stages_are_detected(made: Made, probe: Server, tmp_path: Path) -> None:
-    """Every way of cheating gives another output or is seen. (What libraries open by themselves is seen with Landlock only.)"""
+    """Each impure stage gives another output or is reported. Files that libraries open are seen with Landlock only."""
     store = Store(tmp_path / "store", CODEC)
     prepare_store(store.root)
     trace = next(trace for trace in Traces(made.store).all() if trace.stage == "key_thin")
@@ -165,7 +166,7 @@ def models(params: dict[str, Any]) -> list[str]:
 
 
 def task(trace: Trace) -> dict[str, Any]:
-    """What the probe must know of a run."""
+    """Description of a run for the probe."""
     module, _, name = trace.function.partition(":")
     wants_ctx = "ctx" in inspect.signature(getattr(importlib.import_module(module), name)).parameters
     return {"function": trace.function, "params": trace.params["fields"], "inputs": trace.inputs, "threads": trace.threads,

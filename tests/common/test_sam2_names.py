@@ -31,7 +31,7 @@ Shapes = dict[str, tuple[int, ...]]
 
 @pytest.mark.parametrize("size", SIZES)
 def test_the_published_sizes(size: str) -> None:
-    """Every parameter counted, without memory; the name map reaches all of them and nothing else."""
+    """The number of parameters, counted without memory; the name map covers exactly these."""
     with torch.device("meta"):
         model = Sam2VideoModel(published_config(size))
     count = sum(parameter.numel() for parameter in model.parameters())
@@ -194,7 +194,7 @@ def test_values_arrive_where_they_belong(tiny: Sam2VideoModel) -> None:
     assert torch.equal(state["shared_image_embedding.positional_embedding"], frequencies)
 
 
-def test_what_does_not_fit_is_named_tensor_by_tensor(tiny: Sam2VideoModel) -> None:
+def test_tensors_that_do_not_fit_are_named(tiny: Sam2VideoModel) -> None:
     """Missing, left over and misshapen, by our names."""
     given = drawn(tiny)
     del given["obj_ptr_tpos_proj.bias"]
@@ -209,7 +209,7 @@ def test_what_does_not_fit_is_named_tensor_by_tensor(tiny: Sam2VideoModel) -> No
 
 @pytest.mark.slow
 def test_a_published_file_is_read_whole(tmp_path: Path) -> None:
-    """sam2.1_hiera_tiny.pt with random values: the size is told from the tensors."""
+    """sam2.1_hiera_tiny.pt with random values: the size follows from the tensors."""
     with torch.device("meta"):
         model = Sam2VideoModel(published_config("tiny"))
     given = drawn(model)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 
-from afford.models.sam import Grid, everything, grid_points, load_model, stability
+from afford.models.sam import Grid, grid_points, load_model, segment_everything, stability
 from afford.surface.proposals import Sam
 from stages.surface import mask_propose
 from tests.helpers.blocks import changed
@@ -31,35 +31,35 @@ def test_the_grid_is_the_papers() -> None:
     assert points[::16, 1] == pytest.approx(np.arange(1, 17) * 800 / 17) and np.ptp(points[:16, 1]) == 0
 
 
-def test_every_point_gives_three_masks_at_the_size_of_the_picture(folder: Path) -> None:
-    """In passes of any size the same; a wide picture is not stretched."""
+def test_three_masks_for_each_point_at_the_size_of_the_picture(folder: Path) -> None:
+    """Equal masks for any batch of points; a wide picture is not stretched."""
     model, rgb = load_model(str(folder)), np.random.default_rng(0).integers(0, 255, (60, 90, 3), np.uint8)
     points = grid_points(3, 60, 90)
-    masks, iou = everything(model, rgb, ALL, points)
+    masks, iou = segment_everything(model, rgb, ALL, points)
     assert masks.shape == (27, 60, 90) and masks.dtype == bool and iou.shape == (27,)
-    again, same = everything(model, rgb, replace(ALL, at_once=2), points)
+    again, same = segment_everything(model, rgb, replace(ALL, at_once=2), points)
     assert (again == masks).mean() > 0.999 and same == pytest.approx(iou, abs=1e-5)
 
 
-def test_what_is_not_sure_or_not_stable_is_left_out(folder: Path) -> None:
+def test_masks_of_low_iou_or_stability_are_dropped(folder: Path) -> None:
     """Thresholds in the middle keep those above them."""
     model, rgb = load_model(str(folder)), np.random.default_rng(0).integers(0, 255, (64, 64, 3), np.uint8)
     points = grid_points(3, 64, 64)
-    _, iou = everything(model, rgb, ALL, points)
+    _, iou = segment_everything(model, rgb, ALL, points)
     middle = float(np.median(iou))
-    _, sure = everything(model, rgb, replace(ALL, least_iou=middle), points)
+    _, sure = segment_everything(model, rgb, replace(ALL, least_iou=middle), points)
     assert sorted(sure.tolist()) == pytest.approx(sorted(iou[iou >= middle].tolist()), abs=1e-6) and 0 < len(sure) < len(iou)
-    assert not len(everything(model, rgb, replace(ALL, least_stability=1.1), points)[0])
+    assert not len(segment_everything(model, rgb, replace(ALL, least_stability=1.1), points)[0])
 
 
 def test_stability_is_the_overlap_of_two_cuts() -> None:
-    """By hand: of four pixels above -1 two are above 1."""
+    """Two of four pixels above -1 are above 1."""
     logits = torch.tensor([[[2.0, 3.0], [0.5, -0.5]], [[-5.0, -5.0], [-5.0, -5.0]]])
     assert stability(logits, 1.0).tolist() == [0.5, 0.0]
 
 
 def test_the_stage_keeps_masks_on_the_object(folder: Path) -> None:
-    """None beside it, none of them twice; without a model the sentence says what is missing."""
+    """No mask is off the object, and no mask is there twice; without a model the error says what is missing."""
     x = looked()
     params = mask_propose.Params("sam", sam=Sam(str(folder), grid=6, least_iou=-9.0, least_stability=0.0, least_px=5))
     found = mask_propose.run(x.mesh, x.views, params)

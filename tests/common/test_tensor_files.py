@@ -1,4 +1,4 @@
-"""Files that torch wrote are read as data: all their tensors, and none of their code."""
+"""Tensors of files of torch are read without running code."""
 
 from __future__ import annotations
 
@@ -40,8 +40,8 @@ def test_tensors_of_every_kind_come_back(tmp_path: Path) -> None:
     assert all(torch.equal(found[name], tensor) and found[name].dtype == tensor.dtype for name, tensor in given.items())
 
 
-def test_nothing_in_a_checkpoint_is_run(tmp_path: Path) -> None:
-    """Where torch's own reader would have to refuse or to obey, the tensors come out and the rest stays words."""
+def test_code_in_a_checkpoint_is_not_run(tmp_path: Path) -> None:
+    """Tensors are read from a checkpoint that torch's own reader refuses or would run."""
     trap = tmp_path / "sprung"
     torch.save({"state_dict": {"a": torch.ones(2)}, "callbacks": {Trap: Trap(trap)}, "path": tmp_path}, tmp_path / "a.ckpt")
     assert list(read_tensors(tmp_path / "a.ckpt")) == ["a"] and not trap.exists()
@@ -67,8 +67,8 @@ def test_torchscript_is_read_by_name(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("data", [b"", b"PK", b"\x80\x02}q\x00.", pickle.dumps({"a": 1})])
-def test_what_is_no_archive_is_refused(tmp_path: Path, data: bytes) -> None:
-    """In one sentence, with the name of the file."""
+def test_other_files_are_refused(tmp_path: Path, data: bytes) -> None:
+    """The error is one sentence with the name of the file."""
     (tmp_path / "a.pt").write_bytes(data)
     (tmp_path / "a.safetensors").write_bytes(data)
     for name in ("a.pt", "a.safetensors", "missing.pt"):
@@ -83,7 +83,7 @@ DAMAGED = [b"\x80\x02.", b"\x80\x02(t", b"\x80\x02h\x05.", b"\x80\x02}K\x01s.", 
 
 @pytest.mark.parametrize("data", DAMAGED)
 def test_a_damaged_pickle_is_refused(tmp_path: Path, data: bytes) -> None:
-    """Whatever it lacks or asks for."""
+    """Missing operands, unknown references and calls of other functions."""
     with zipfile.ZipFile(tmp_path / "a.pt", "w") as archive:
         archive.writestr("a/data.pkl", data)
     with pytest.raises(ValueError, match=r"a\.pt: expected"):

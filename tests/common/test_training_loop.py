@@ -135,7 +135,7 @@ def test_best_weights_are_restored(tmp_path: Path) -> None:
 
 
 def test_warmup_decay_values() -> None:
-    """By hand: 4 steps up, 6 equal steps down; it never reaches zero within the training."""
+    """4 steps up, 6 equal steps down, by hand; it never reaches zero within the training."""
     found = [warmup_decay(step, 4, 10) for step in range(11)]
     assert found == pytest.approx([0.25, 0.5, 0.75, 1, 1, 5 / 6, 4 / 6, 3 / 6, 2 / 6, 1 / 6, 0])
     assert [warmup_decay(step, 4, 10, decay=False) for step in (0, 3, 4, 9)] == [0.25, 1, 1, 1]
@@ -207,7 +207,7 @@ def test_parallel_gradients_are_accumulated_gradients(parts: int) -> None:
 
 
 def test_gradients_have_the_memory_layout_of_their_parameters() -> None:
-    """Also for inputs with channels last: a fused optimizer walks through both in memory order, so its steps are the same."""
+    """Inputs with channels last too: a fused optimizer walks through both in memory order, so its steps are the same."""
     seeded = (torch.Generator().manual_seed(n) for n in range(2))
     batches = [torch.randn(4, 3, 8, 8, generator=g).contiguous(memory_format=torch.channels_last) for g in seeded]
     made = []

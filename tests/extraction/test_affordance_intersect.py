@@ -71,7 +71,7 @@ def test_intersection_lies_in_both_and_has_the_right_hand() -> None:
 
 
 def test_swapping_the_hands_swaps_the_masks() -> None:
-    """Nothing prefers a side."""
+    """Left and right hands are treated the same."""
     tracks, complete = scene((2, 3))
     swapped = replace(tracks, masks=tracks.masks[[1, 0, 2, 3]], contact=tracks.contact[::-1].copy())
     one, other = affordance_intersect.run(tracks, complete, EXACT), affordance_intersect.run(swapped, complete, EXACT)
@@ -101,7 +101,7 @@ def test_dilation_scales_with_the_image() -> None:
     ],
 )
 def test_rejection(contact: tuple[int, int], params: Params, reason: Rejection) -> None:
-    """Every reason can occur; areas are below the upper limit, as in the paper's code (0 < area < 20000 at 855)."""
+    """Each reason occurs; areas are below the upper limit, as in the paper's code (0 < area < 20000 at 855)."""
     assert affordance_intersect.run(*scene(contact), params).rejection[0] == reason
 
 

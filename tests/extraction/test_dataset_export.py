@@ -120,6 +120,6 @@ def test_an_export_is_the_same_twice(export, root, tmp_path):
 
 @pytest.mark.parametrize("export", EXPORTS)
 def test_a_folder_without_a_data_set_is_refused(export, tmp_path):
-    """Nothing is written, and the message says what was expected."""
+    """The error states the expected files, and no file is written."""
     with pytest.raises(ValueError, match=r"expected .*\.parquet"):
         export(tmp_path, tmp_path / "out")

@@ -1,4 +1,4 @@
-"""Reading the data set back, and augmentation at load time."""
+"""Reading of the data set, and augmentation at load time."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def same(a: load.Item, b: load.Item) -> bool:
 
 
 def test_items_are_the_samples(data):
-    """Masks to the bit, the picture as its JPEG decodes, words and motion as they were."""
+    """Masks, decoded JPEG, text and motion of every item equal those of its sample."""
     assert len(data) == len(CLIP.samples)
     for item, sample in zip(data, CLIP.samples, strict=True):
         assert np.array_equal(item.masks, sample.masks)
@@ -45,8 +45,8 @@ def test_items_are_the_samples(data):
         assert (item.narration, item.object_left, item.taxonomy) == (sample.narration.text, sample.object_left, sample.taxonomy)
 
 
-def test_random_access_is_iteration(data):
-    """Across row groups and shards, from both ends."""
+def test_random_access_equals_iteration(data):
+    """Indices across row groups and shards, from both ends, give the same items."""
     items = list(data)
     for index in (0, 99, 100, 119, 120, 229, -1, -230):
         assert same(data[index], items[index])
@@ -54,15 +54,15 @@ def test_random_access_is_iteration(data):
         data[230]
 
 
-def test_it_travels_to_worker_processes(data):
-    """A data loader sends copies of the data set to its workers; a deep copy is made the same way, and reads the same."""
+def test_a_copy_reads_the_same_items(data):
+    """A data loader sends copies of the data set to its workers; a deep copy is pickled the same way."""
     assert same(copy.deepcopy(data)[150], data[150])
 
 
 @pytest.mark.parametrize("workers", [0, 1])
 @pytest.mark.filterwarnings("error:The given NumPy array is not writable")
 def test_a_data_loader_gives_batches(data, workers):
-    """Of torch: arrays and numbers as tensors, words as lists, in this process and from workers. The folder may be a string."""
+    """A torch data loader collates arrays and numbers to tensors, text to lists, with and without workers."""
     from torch.utils.data import DataLoader
 
     named = load.Dataset(str(data.files[0].parents[1]), "train")
@@ -100,18 +100,18 @@ def test_an_item_is_a_mapping_of_its_fields(data):
 
 
 def test_class_names_belong_to_labels(data):
-    """Labels are places in the list of names."""
+    """A label is an index into the list of class names."""
     assert data.class_names("noun_class")[data[2].noun_class] == "wire"
 
 
 def test_a_missing_split_is_named(data):
-    """The message says what is there."""
+    """The message lists the splits of the data set."""
     with pytest.raises(ValueError, match=r"expected test-\*\.parquet, found the splits train"):
         load.Dataset(data.files[0].parents[1], "test")
 
 
 def test_flip_twice_is_the_identity(data):
-    """For pictures, masks, motion, words and taxonomy alike."""
+    """Pictures, masks, motion, text and taxonomy are restored by a second flip."""
     for item in list(data)[:8]:
         back = augment.flip(augment.flip(item))
         np.testing.assert_allclose(back.motion, item.motion, atol=1e-4)
@@ -119,7 +119,7 @@ def test_flip_twice_is_the_identity(data):
 
 
 def test_flip_swaps_the_hands(data):
-    """What the left hand did at x, the right hand does at the mirrored x."""
+    """The left hand at x becomes the right hand at the mirrored x."""
     item = data[0]
     flipped = augment.flip(item)
     assert item.taxonomy == 0 and flipped.taxonomy == 1
@@ -144,7 +144,7 @@ def test_crop_keeps_masks_and_motion_together(data):
 
 
 def test_crop_without_an_object_changes_nothing(data):
-    """There is nothing to zoom to."""
+    """A sample without an object is not cropped."""
     item = replace(data[0], masks=np.zeros_like(data[0].masks))
     assert augment.crop(item, 0.05) is item
 
@@ -155,7 +155,7 @@ def test_neutral_colours_change_nothing(data):
 
 
 def test_augmentation_is_seeded_and_leaves_its_input_alone(data):
-    """Same (seed, epoch, index), same sample; another epoch, other samples."""
+    """The same (seed, epoch, index) gives the same sample; another epoch gives other samples."""
     settings, before = augment.Settings(), pickle.dumps(data[3])
     first = [augment.augment(data[n], settings, 1, 0, n) for n in range(12)]
     again = [augment.augment(data[n], settings, 1, 0, n) for n in range(12)]
@@ -165,28 +165,36 @@ def test_augmentation_is_seeded_and_leaves_its_input_alone(data):
     assert pickle.dumps(data[3]) == before
 
 
-def test_vague_words_are_always_cropped(data):
-    """Only the picture can tell what "something" is."""
+def test_vague_narrations_are_always_cropped(data):
+    """A narration of "something" needs a crop around the object."""
     item = replace(data[0], narration="take Something")
     settings = augment.Settings(flip_share=0, crop_share=0, colour_share=0)
     assert same(augment.augment(item, settings, 0, 0, 0), augment.crop(item, settings.crop_margin))
     assert same(augment.augment(data[0], settings, 0, 0, 0), data[0])
 
 
+@pytest.fixture(scope="module")
+def small(tmp_path_factory):
+    """Folder of a data set of six samples in one shard."""
+    folder = tmp_path_factory.mktemp("small")
+    params = dataset_pack.Params(sheet_samples=1)
+    dataset_pack.run((clip("P01_02", 6, split="train", height=32, width=48),), params, Scratch(folder))
+    return folder / "dataset"
+
+
 @pytest.mark.parametrize("seed", range(4))
-def test_one_flipped_bit_changes_no_sample(tmp_path, seed):
-    """Wherever it is, in pages, their headers or the footer: the same samples and classes, or one sentence that names the file."""
-    small = clip("P01_02", 6, split="train", height=32, width=48)
-    dataset_pack.run((small,), dataset_pack.Params(sheet_samples=1), Scratch(tmp_path))
-    path = next((tmp_path / "dataset" / "data").glob("*.parquet"))
+def test_one_flipped_bit_changes_no_sample(small, tmp_path, seed):
+    """A flipped bit in pages, headers or footer gives the same samples and classes, or one sentence that names the file."""
+    root = shutil.copytree(small, tmp_path / "dataset")
+    path = next((root / "data").glob("*.parquet"))
     whole, rng, refused = path.read_bytes(), random.Random(seed), 0
-    samples, features = list(load.Dataset(tmp_path / "dataset")), load.Dataset(tmp_path / "dataset").features
+    samples, features = list(load.Dataset(root)), load.Dataset(root).features
     for _ in range(40):
         flipped = bytearray(whole)
         flipped[rng.randrange(len(whole))] ^= 1 << rng.randrange(8)
         path.write_bytes(bytes(flipped))
         try:
-            data = load.Dataset(tmp_path / "dataset")
+            data = load.Dataset(root)
             assert data.features == features and all(map(same, data, samples))
         except SourceError as error:
             assert str(error).startswith(f"data/{path.name}: expected a whole shard")
@@ -195,7 +203,7 @@ def test_one_flipped_bit_changes_no_sample(tmp_path, seed):
 
 
 def test_a_data_set_without_its_manifest_is_read(data, tmp_path):
-    """As one that comes from elsewhere; pages are verified all the same."""
+    """A data set from another source has no manifest; its pages are verified."""
     root = shutil.copytree(data.files[0].parents[1], tmp_path / "copy")
     (root / MANIFEST).write_text('["a manifest of another kind"]')
     assert same(load.Dataset(root)[7], data[7])

@@ -1,4 +1,4 @@
-"""Masks as run lengths and as PNG are exact."""
+"""Mask encodings: run lengths and PNG are lossless."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ ANY_MASK = st.tuples(st.integers(1, 40), st.integers(1, 40)).flatmap(lambda size
 
 @given(ANY_MASK)
 def test_png_is_exact(mask):
-    """Any PNG reader gives the mask back, as one bit per pixel."""
+    """Any PNG reader restores the mask, with one bit per pixel."""
     image = Image.open(io.BytesIO(masks.encode_png(mask)))
     assert image.mode == "1"
     assert np.array_equal(np.asarray(image), mask)
@@ -26,7 +26,7 @@ def test_png_is_exact(mask):
 
 @given(ANY_MASK)
 def test_png_of_others_is_read_too(mask):
-    """Whatever wrote it, with one bit or eight."""
+    """PNG files of other writers are decoded, with one bit or eight."""
     for image in (Image.fromarray(mask), Image.fromarray(mask.astype(np.uint8) * 255)):
         file = io.BytesIO()
         image.save(file, "PNG")
@@ -35,7 +35,7 @@ def test_png_of_others_is_read_too(mask):
 
 @given(ANY_MASK)
 def test_rle_is_exact(mask):
-    """Encode, decode: the same bits, area and box."""
+    """Encoding and decoding keep bits, area and box."""
     both = np.stack([mask, ~mask])
     counts = masks.encode_rle(both)
     assert np.array_equal(masks.decode_rle(counts, *mask.shape), both)

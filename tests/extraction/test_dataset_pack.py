@@ -1,4 +1,4 @@
-"""dataset_pack: the data set as it lies on disk."""
+"""dataset_pack: files of the data set on disk."""
 
 from __future__ import annotations
 
@@ -36,17 +36,37 @@ def pack(folder: Path, clips=CLIPS, **params):
     return tree, folder / "dataset", scratch
 
 
+STRANGE = "höhle die 🥑 aus — 切る " * 2000
+SAMPLE = CLIPS[0].samples[0]
+STRANGE_SAMPLE = replace(SAMPLE, sample_id="P00_02_0000000001", narration=replace(
+    SAMPLE.narration, text=STRANGE, verb_key="höhlen", verb="höhlen", verb_class=-1))  # fmt: skip
+UNUSUAL = (
+    replace(CLIPS[0], clip_id="a", samples=CLIPS[0].samples[:3]), replace(CLIPS[0], clip_id="b", samples=CLIPS[0].samples[2:]),
+    replace(CLIPS[0], clip_id="c", video_id="P00_02", split="val", samples=(STRANGE_SAMPLE,)))  # fmt: skip
+
+
 @pytest.fixture(scope="module")
-def packed(tmp_path_factory) -> Path:
-    return pack(tmp_path_factory.mktemp("packed"), samples_per_shard=7)[1]
+def packing(tmp_path_factory):
+    return pack(tmp_path_factory.mktemp("packed"), samples_per_shard=7)
+
+
+@pytest.fixture(scope="module")
+def packed(packing) -> Path:
+    return packing[1]
+
+
+@pytest.fixture(scope="module")
+def unusual(tmp_path_factory) -> Path:
+    """A data set of a video cut into two clips, and of one with unusual text, under a licence of its own."""
+    return pack(tmp_path_factory.mktemp("unusual"), UNUSUAL, license="apache-2.0")[1]
 
 
 def samples_of(split: str):
     return [(made, sample) for made in CLIPS if made.split == split for sample in made.samples]
 
 
-def test_every_sample_is_written_once_in_order(packed):
-    """Rows are the samples of a split, by video and frame; shards are full but for the last."""
+def test_samples_are_written_once_in_order(packed):
+    """Rows are the samples of a split, by video and frame; all shards except the last are full."""
     for split, shards in (("train", 3), ("val", 2)):
         paths = load.shards(packed, split)
         assert [path.name for path in paths] == [f"{split}-{k:05d}-of-{shards:05d}.parquet" for k in range(shards)]
@@ -54,8 +74,8 @@ def test_every_sample_is_written_once_in_order(packed):
         assert ids == [sample.sample_id for _, sample in samples_of(split)]
 
 
-def test_datasets_reads_it_without_our_code(packed, tmp_path):
-    """`load_dataset("parquet")` decodes pictures and classes; masks come back to the bit."""
+def test_datasets_reads_the_shards(packed, tmp_path):
+    """`load_dataset("parquet")` decodes pictures and classes without our code; masks are bit-exact."""
     datasets = pytest.importorskip("datasets")
     files = {split: [str(path) for path in load.shards(packed, split)] for split in ("train", "val")}
     read = datasets.load_dataset("parquet", data_files=files, cache_dir=str(tmp_path))
@@ -71,15 +91,15 @@ def test_datasets_reads_it_without_our_code(packed, tmp_path):
     assert features["image"].dtype == "PIL.Image.Image"
 
 
-def test_the_folder_itself_loads(packed, tmp_path):
-    """The card's header tells `load_dataset(folder)` which files are which split."""
+def test_datasets_reads_the_folder(packed, tmp_path):
+    """The header of the card maps files to splits for `load_dataset(folder)`."""
     datasets = pytest.importorskip("datasets")
     read = datasets.load_dataset(str(packed), cache_dir=str(tmp_path))
     assert {name: len(rows) for name, rows in read.items()} == {"train": 18, "val": 9}
 
 
 def test_run_lengths_boxes_and_areas_agree_with_the_masks(packed):
-    """The same mask is in every form."""
+    """Run lengths, boxes and areas of a mask agree with its picture."""
     for row, (_, sample) in zip(load.rows(packed, "train", [column.name for column in table_schema.FIXED]), samples_of("train"),
                                 strict=True):
         for name, mask in zip(table_schema.MASKS, sample.masks, strict=True):
@@ -91,7 +111,7 @@ def test_run_lengths_boxes_and_areas_agree_with_the_masks(packed):
 
 
 def test_layout_of_the_shards(packed):
-    """Small row groups, a page index, zstd for all but the JPEGs."""
+    """Shards have small row groups, a page index, and zstd for all columns except the JPEGs."""
     file = pq.ParquetFile(load.shards(packed, "train")[0])
     group = file.metadata.row_group(0)
     assert group.num_rows <= 100
@@ -100,27 +120,22 @@ def test_layout_of_the_shards(packed):
     assert {name for name, leaf in leaves.items() if leaf.compression != "ZSTD"} == {"image.bytes"}
 
 
-def test_same_input_same_bytes(tmp_path):
-    """Two runs, the second over the leavings of a killed one and with the clips in another order, write equal files."""
-    (tmp_path / "b" / "dataset").mkdir(parents=True)
-    (tmp_path / "b" / "dataset" / "left_over").write_text("x")
-    first, second = pack(tmp_path / "a")[0], pack(tmp_path / "b", CLIPS[::-1])[0]
-    assert [(file.name, file.digest) for file in first.files] == [(file.name, file.digest) for file in second.files]
-
-
-def test_other_hash_seed_same_bytes(packed):
-    """Nothing hangs on the order of sets: a process with another hash seed writes the same manifest."""
+def test_same_input_same_bytes(packed, tmp_path):
+    """Bytes depend on neither the order of clips, nor files of a killed run, nor the hash seed of the process."""
     code = ("import sys; from pathlib import Path; import cv2; cv2.ipp.setUseIPP(False); "
-            "from tests.extraction.test_dataset_pack import pack; print(pack(Path(sys.argv[1]), samples_per_shard=7)[1])")
-    folder = packed.parent / "other_process"
-    folder.mkdir()
-    done = subprocess.run([sys.executable, "-c", code, folder], cwd=ROOT, env=os.environ | {"PYTHONHASHSEED": "77"}, check=True,
+            "from tests.extraction.test_dataset_pack import CLIPS, pack; "
+            "print(pack(Path(sys.argv[1]), CLIPS[::-1], samples_per_shard=7)[1])")
+    (tmp_path / "dataset").mkdir()
+    (tmp_path / "dataset" / "left_over").write_text("x")
+    done = subprocess.run([sys.executable, "-c", code, tmp_path], cwd=ROOT, env=os.environ | {"PYTHONHASHSEED": "77"}, check=True,
                           capture_output=True, text=True)
-    assert (Path(done.stdout.strip()) / "manifest.json").read_bytes() == (packed / "manifest.json").read_bytes()
+    second = Path(done.stdout.strip())
+    assert (second / "manifest.json").read_bytes() == (packed / "manifest.json").read_bytes()
+    assert not (second / "left_over").exists()
 
 
 def test_manifest_names_every_file(packed):
-    """Size and sha256 of every other file."""
+    """The manifest lists size and sha256 of every other file."""
     listed = json.loads((packed / "manifest.json").read_text())["files"]
     present = {path.relative_to(packed).as_posix() for path in packed.rglob("*") if path.is_file()}
     assert set(listed) == present - {"manifest.json"}
@@ -129,8 +144,8 @@ def test_manifest_names_every_file(packed):
         assert (len(data), hashlib.sha256(data).hexdigest()) == (entry["bytes"], entry["sha256"])
 
 
-def test_statistics_count_what_is_there(packed):
-    """Totals beside the published ones, classes of our own marked, frames that gave nothing with their reasons."""
+def test_statistics(packed):
+    """Statistics contain totals next to the published ones, classes outside EPIC, and reasons for frames without samples."""
     numbers = json.loads((packed / "statistics.json").read_text())
     assert numbers["totals"]["samples"] == {"here": 27, "published_2hands": 278000}
     assert numbers["splits"] == {"train": 18, "val": 9}
@@ -142,8 +157,8 @@ def test_statistics_count_what_is_there(packed):
     assert plots == {"areas.png", "classes.png", "hand_positions.png", "taxonomy.png"}
 
 
-def test_croissant_speaks_of_every_column_and_shard(packed):
-    """Every column is a field; every shard is listed with its sha256."""
+def test_croissant_lists_columns_and_shards(packed):
+    """Columns are fields; shards are listed with their sha256."""
     described = json.loads((packed / "croissant.json").read_text())
     names = pq.ParquetFile(load.shards(packed, "train")[0]).schema_arrow.names
     assert {field["source"]["extract"]["column"] for field in described["recordSet"][0]["field"]} == set(names)
@@ -153,7 +168,7 @@ def test_croissant_speaks_of_every_column_and_shard(packed):
 
 
 def test_croissant_is_valid(packed):
-    """mlcroissant finds no fault, and reads every sample (only where it is installed)."""
+    """mlcroissant reports no error, and reads every sample (only where it is installed)."""
     mlcroissant = pytest.importorskip("mlcroissant")
     described = mlcroissant.Dataset(str(packed / "croissant.json"))
     assert not described.metadata.ctx.issues.errors
@@ -161,50 +176,42 @@ def test_croissant_is_valid(packed):
 
 
 def test_provenance_is_the_digest_of_the_clips_samples(packed):
-    """The same digest by which the store knows the input of the stage."""
+    """Provenance equals the content digest of the input in the store."""
     wanted = {made.clip_id: digest(made) for made in CLIPS}
     for split in ("train", "val"):
         assert all(row["provenance"] == wanted[row["clip"]] for row in load.rows(packed, split, ["clip", "provenance"]))
 
 
-def test_no_sample_is_an_error_that_says_why(tmp_path):
-    """An empty data set is refused, with the reasons of all clips."""
+def test_an_empty_data_set_is_refused(tmp_path):
+    """The error lists the reasons of all clips."""
     empty = tuple(replace(made, samples=()) for made in CLIPS)
     with pytest.raises(ValueError, match=r"no clip gives a sample.*no_contact 9, too_small 3"):
         pack(tmp_path, empty)
 
 
-def test_a_sample_id_twice_is_refused(tmp_path):
-    """Two clips over the same frames would leak and double count."""
+def test_a_repeated_sample_id_is_refused(tmp_path):
+    """Two clips over the same frames would leak between splits and count twice."""
     with pytest.raises(ValueError, match="sample_id 'P00_01_0000000001': expected once, found 2"):
         pack(tmp_path, (CLIPS[0], replace(CLIPS[0], clip_id="again")))
 
 
-def test_the_key_frame_at_a_cut_gives_its_samples_once(tmp_path):
-    """Two parts of a video that was cut share one frame; it is in the data set once, whatever else the parts hold."""
-    samples = CLIPS[0].samples
-    parts = (replace(CLIPS[0], clip_id="a", samples=samples[:3]), replace(CLIPS[0], clip_id="b", samples=samples[2:]))
-    _, root, _ = pack(tmp_path, parts)
-    assert [row["frame"] for row in load.rows(root, "train", ["frame"])] == [sample.frame for sample in samples]
+def test_the_key_frame_at_a_cut_gives_its_samples_once(unusual):
+    """Two clips of a cut video share one frame; the data set contains it once."""
+    assert [row["frame"] for row in load.rows(unusual, "train", ["frame"])] == [sample.frame for sample in CLIPS[0].samples]
 
 
-def test_strange_words_survive(tmp_path):
-    """Unicode and a very long narration are kept whole, and the pictures and the card can be made."""
-    text = "höhle die 🥑 aus — 切る " * 2000
-    sample = CLIPS[0].samples[0]
-    said = replace(sample.narration, text=text, verb_key="höhlen", verb="höhlen", verb_class=-1)
-    _, root, _ = pack(tmp_path, (replace(CLIPS[0], samples=(replace(sample, narration=said),)),))
-    assert next(load.rows(root, "train", ["narration"]))["narration"] == text
+def test_unusual_text_is_kept(unusual):
+    """Unicode and a very long narration are unchanged, and the pictures and the card are written."""
+    assert next(load.rows(unusual, "val", ["narration"]))["narration"] == STRANGE
 
 
-def test_progress_reaches_the_end(tmp_path):
-    """One call per sample."""
-    scratch = pack(tmp_path)[2]
-    assert scratch.said[-1] == (27, 27)
+def test_progress_reaches_the_end(packing):
+    """The last report of progress covers all samples."""
+    assert packing[2].said[-1] == (27, 27)
 
 
-def test_a_video_is_in_one_split_whatever_the_seed():
-    """Splits by hash keep the clips of a video together, and by participant those of a participant."""
+def test_a_participant_is_in_one_split():
+    """Splits by participant keep the videos of a participant together for any seed."""
     clips = [clip(f"P{n % 5:02d}_{n:02d}", 1) for n in range(20)]
     for seed in range(10):
         rule = SplitRule("participant", 0.3, 0.3, seed)
@@ -213,8 +220,8 @@ def test_a_video_is_in_one_split_whatever_the_seed():
         assert "train" in split.values()
 
 
-def test_a_video_keeps_its_split_when_others_come():
-    """The hash decides for each video alone."""
+def test_a_video_keeps_its_split_when_videos_are_added():
+    """The split by hash depends on each video alone."""
     clips = [clip(f"P01_{n:02d}", 1) for n in range(40)]
     rule = SplitRule("video", 0.2, 0.2, 7)
     few, many = assign_splits(clips[:20], rule), assign_splits(clips, rule)
@@ -222,35 +229,35 @@ def test_a_video_keeps_its_split_when_others_come():
     assert set(many.values()) == {"train", "val", "test"}
 
 
-def test_the_sources_split_wins_when_it_is_complete():
-    """Given for every video it is taken; given for some only, the hash decides for all."""
+def test_a_complete_split_of_the_source_has_priority():
+    """A split of the source for all videos is used; for some videos only, the hash decides for all."""
     rule = SplitRule("video", 0.0, 0.0, 0)
     assert assign_splits(CLIPS, rule) == {"P00_01": "train", "P01_01": "train", "P02_01": "val"}
     assert set(assign_splits([replace(CLIPS[0], split=""), *CLIPS[1:]], rule).values()) == {"train"}
 
 
 def test_contradictory_splits_are_refused():
-    """One video, two splits: an error of the source."""
+    """A video in two splits is an error of the source."""
     with pytest.raises(ValueError, match="P00_01: its clips are in the splits"):
         assign_splits([CLIPS[0], replace(CLIPS[0], clip_id="b", split="val")], SplitRule("video", 0.1, 0.1, 0))
 
 
 @pytest.mark.parametrize("wrong", [("clip", 0.1, 0.1), ("video", 0.6, 0.6), ("video", -0.1, 0.1)])
 def test_wrong_split_rules_are_refused(wrong):
-    """By what, and how much."""
+    """Unknown units and fractions out of range are refused."""
     with pytest.raises(ValueError, match="expected"):
         SplitRule(*wrong, seed=0)
 
 
-def test_classes_emerge_in_epics_order_then_new_ones():
+def test_classes_are_sorted_by_epic_id_then_new_ones():
     """The order of the samples does not matter."""
     seen = [("wire", -1), ("jar", 34), ("mug", 13), ("anvil", -1), ("jar", 34)]
     assert collect_classes(seen) == collect_classes(seen[::-1])
     assert collect_classes(seen).keys == ("mug", "jar", "anvil", "wire")
 
 
-def test_the_guide_lists_the_columns_as_they_are():
-    """The table in docs/extraction/dataset.md is the one the card prints."""
+def test_the_guide_lists_the_columns():
+    """The table in docs/extraction/dataset.md equals that of the card."""
     guide = (ROOT / "docs" / "extraction" / "dataset.md").read_text(encoding="utf-8")
     assert metadata.column_table(table_schema.FIXED) in guide
     assert re.search(r"`verb_class`.*`noun_class`", guide, re.DOTALL)
@@ -259,24 +266,23 @@ def test_the_guide_lists_the_columns_as_they_are():
 @pytest.mark.parametrize(("videos", "stated", "licence"), [
     (["P91_01", "P03_101"], "", "cc-by-nc-4.0"), (["P03_101"], "cc-by-nc-4.0", "cc-by-nc-4.0"), (["tabletop"], "", "other"),
     (["P91_01"], "", "other"), (["P91_01"], "apache-2.0", "apache-2.0")])  # fmt: skip
-def test_a_licence_is_never_more_than_the_videos_allow(videos, stated, licence):
-    """EPIC's videos are under EPIC's licence; of unknown ones nothing is promised."""
+def test_licence_of_videos(videos, stated, licence):
+    """EPIC's videos are under EPIC's licence; the licence of unknown videos is `other`."""
     assert licence_of(videos, stated) == licence
 
 
-def test_epics_licence_cannot_be_taken_off(tmp_path):
+def test_another_licence_of_epic_videos_is_refused(tmp_path):
     """The message names the video."""
     with pytest.raises(ValueError, match=r"license: expected cc-by-nc-4\.0, because P01_01 is of EPIC-KITCHENS, got 'mit'"):
         pack(tmp_path, license="mit")
 
 
-def test_rendered_clips_are_ours(tmp_path):
-    """What is rendered here is packed under our licence, unless the user says otherwise; what is read is not."""
+def test_licence_of_rendered_clips(unusual):
+    """Rendered clips are packed under apache-2.0, unless the user sets another licence; other clips are not."""
     spec = SceneSpec("P91_01", "carry", "kitchen", seed=3)
     rendered, read = Origin("synthetic", specs=(spec,)), Origin("own")
     assert licensed(dataset_pack.Params(), rendered).license == "apache-2.0"
     assert licensed(dataset_pack.Params(license="cc0-1.0"), rendered).license == "cc0-1.0"
     assert licensed(dataset_pack.Params(), read).license == ""
-    pack(tmp_path, (clip("P91_01", 2),), license="apache-2.0")
-    header = (tmp_path / "dataset" / "README.md").read_text().split("---")[1]
+    header = (unusual / "README.md").read_text().split("---")[1]
     assert "license: apache-2.0\n" in header

@@ -40,8 +40,8 @@ def decode(root: Path, **params: int) -> tuple[np.ndarray, np.ndarray, np.ndarra
     return frames.frame, frames.time_ns, frames.rgb
 
 
-def test_a_clip_is_decoded_whole(tmp_path: Path) -> None:
-    """Every number from first to last, times at the rate of the file, images as drawn."""
+def test_a_clip_is_decoded_completely(tmp_path: Path) -> None:
+    """Numbers run from first to last, times follow the rate of the file, images equal those encoded."""
     number, time_ns, rgb = decode(write_root(tmp_path))
     assert number.tolist() == list(range(1, 41)) == [spelt(image) for image in rgb]
     assert np.abs(np.diff(time_ns) - 1e9 / 30).max() < 1e5 and rgb.shape == (40, HEIGHT, WIDTH, 3)
@@ -94,8 +94,8 @@ def test_a_clip_without_a_decodable_key_frame_is_refused(tmp_path: Path) -> None
         tiny_root.decode(files, replace(clip, first_frame=2, last_frame=4))
 
 
-def test_words_and_outlines_are_no_part_of_the_footage(tmp_path: Path) -> None:
-    """Only what the frames are made from: the same footage for other words, another one for other frames."""
+def test_footage_excludes_narrations_and_outlines(tmp_path: Path) -> None:
+    """Other narrations or outlines give the same footage; another video gives another one."""
     write_root(tmp_path)
     files = trees(tmp_path)["P95_01"]
     (clip,) = source_read.run(files, source_read.Params())

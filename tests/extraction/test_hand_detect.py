@@ -62,8 +62,8 @@ def of(key: KeyFrame, side: str) -> list[Annotation]:
     return [a for a in key.annotations if a.side == side]
 
 
-def test_a_hand_is_found_where_it_is() -> None:
-    """In every key frame, with its own side, and only there; the finder may be noisy, and blind for a moment."""
+def test_hands_are_found() -> None:
+    """Key frames contain each hand with its side; the finder may be noisy, and fail for a moment."""
     clip, masks = made()
     found = detect(clip_of(clip.frames), clip.frames, finder(clip.frames, masks, 0.2, (8, 9)), PARAMS)
     assert len(found.key_frames) >= 4
@@ -92,16 +92,16 @@ def test_a_hand_touches_what_it_holds() -> None:
     assert touches >= 2
 
 
-def test_what_the_finder_takes_for_a_sleeve_is_not_touched() -> None:
-    """However much it goes along with the hand, and whatever else the finder takes it for."""
+def test_a_sleeve_is_not_a_touched_object() -> None:
+    """A segment with a high sleeve probability is no object, although it moves with the hand."""
     clip, masks = made()
     for said, touched in ((masks, True), ({**masks, SLEEVE: masks[TOUCHED]}, False)):
         found = detect(clip_of(clip.frames), clip.frames, finder(clip.frames, said), PARAMS)
         assert any(one.contact not in NOT_IN_CONTACT for key in found.key_frames for one in of(key, "right")) == touched
 
 
-def test_what_alone_is_touched_has_the_name_of_the_narration() -> None:
-    """And its class."""
+def test_the_only_touched_object_gets_the_noun_of_the_narration() -> None:
+    """The object also gets the class of the noun."""
     clip, masks = made()
     said = replace(default_narration(1, COUNT), noun="card", noun_class=7)
     found = detect(clip_of(clip.frames, narrations=(said,)), clip.frames, finder(clip.frames, masks), PARAMS)
@@ -109,7 +109,7 @@ def test_what_alone_is_touched_has_the_name_of_the_narration() -> None:
 
 
 def test_a_mirror_swaps_the_sides() -> None:
-    """Nothing else changes much: the same key frames, the same hands on the other side."""
+    """Mirrored frames have the same key frames, with the hands on the other side."""
     clip, masks = made()
     mirrored = replace(clip.frames, rgb=np.ascontiguousarray(clip.frames.rgb[:, :, ::-1]))
     other = {LEFT: masks[RIGHT][:, :, ::-1], TOUCHED: masks[TOUCHED][:, :, ::-1]}
@@ -121,8 +121,8 @@ def test_a_mirror_swaps_the_sides() -> None:
             assert iou(drawn(b, left)[:, ::-1], drawn(a, right)) > 0.9
 
 
-def test_who_is_seen_from_the_front_is_turned_round() -> None:
-    """The finder is shown the picture upside down, and its answer is turned back."""
+def test_pictures_of_a_facing_person_are_rotated() -> None:
+    """The backend gets pictures rotated by 180 degrees, and its output is rotated back."""
     clip, masks = made()
     turned = replace(clip.frames, rgb=np.ascontiguousarray(clip.frames.rgb[:, ::-1, ::-1]))
     plain = detect(clip_of(clip.frames), clip.frames, finder(clip.frames, masks), PARAMS)
@@ -155,8 +155,8 @@ def test_a_hand_has_one_side_all_its_life(lean: Callable[[int], tuple[int, int]]
         assert centres[0] < 80 < centres[1]
 
 
-def test_without_hands_there_are_none() -> None:
-    """Key frames that say so; what is seen in a single look is no hand either."""
+def test_a_clip_without_hands_has_empty_key_frames() -> None:
+    """A segment in a single sampled frame is no hand."""
     clip, masks = made()
     nothing = detect(clip_of(clip.frames), clip.frames, finder(clip.frames, {}, 0.1), PARAMS)
     others = tuple(t for t in range(COUNT) if t != 12)
@@ -165,8 +165,8 @@ def test_without_hands_there_are_none() -> None:
         assert found.key_frames and not any(key.annotations for key in found.key_frames)
 
 
-def test_frames_that_no_video_joins_are_looked_at_alone() -> None:
-    """Every one of them is a key frame, and a hand that is there once is one."""
+def test_frames_across_gaps_are_independent() -> None:
+    """Frames without neighbours are key frames, and a hand in one of them counts."""
     clip, masks = made()
     few = slice(6, 20, 6)
     frames = Frames("toy", clip.frames.frame[few], clip.frames.time_ns[few], clip.frames.rgb[few])

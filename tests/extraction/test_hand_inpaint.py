@@ -27,7 +27,7 @@ def quality_db(clip: Toy, backend: str) -> float:
 
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_pixels_outside_the_mask_are_unchanged(clip: Toy, backend: str) -> None:
-    """To the bit, with source ORIGINAL and full confidence; the mask is the hands grown by `dilate_px`."""
+    """Pixels outside have source ORIGINAL and full confidence; the mask is the hands grown by `dilate_px`."""
     inpainted = hand_inpaint.run(clip.frames, clip.tracks, Params(backend=backend, dilate_px=2))
     assert np.array_equal(inpainted.mask, dilate(clip.tracks.masks[1], 2))
     assert np.array_equal(inpainted.rgb[~inpainted.mask], clip.frames.rgb[~inpainted.mask])
@@ -67,8 +67,8 @@ def test_few_far_apart_frames(every: int) -> None:
     assert np.isin(inpainted.source[inpainted.mask], [PixelSource.BACKGROUND, PixelSource.OBJECT, PixelSource.SPATIAL]).all()
 
 
-def test_what_nobody_saw_is_spatial_and_uncertain() -> None:
-    """A single frame has nothing to look into: source SPATIAL, confidence 0."""
+def test_a_single_frame_is_filled_spatially() -> None:
+    """A single frame has no source frames: source SPATIAL, confidence 0."""
     clip = toy(count=25, rows=slice(12, 13))
     inpainted = hand_inpaint.run(clip.frames, clip.tracks, Params())
     assert inpainted.mask.any()

@@ -10,7 +10,7 @@ import pytest
 from afford.common.errors import SourceError
 from afford.extraction.sources.hand_names import is_vague, no_hands_remark, side_of
 from schemas.video import Clip
-from tests.extraction.test_readers_own import coco, compressed, read_own
+from tests.extraction.test_own_video import coco, compressed, read_own
 from tests.helpers.tiny_root import OTHER, clips, image, mask, write_root
 
 SPELLINGS = ("{} hand", "hand_{}", "{}_hand", "{}Hand", "{}-hand", "hand {}", "Hand ({})", "hand:{}", "{}hand", "hand{}",
@@ -31,8 +31,8 @@ def side_in(clip: Clip) -> list[str]:
 
 @pytest.mark.parametrize("side", ["left", "right"])
 @pytest.mark.parametrize("change", [str.lower, str.upper, str.capitalize, str])
-def test_every_usual_spelling_is_a_hand(side: str, change: Any) -> None:
-    """Words in either order, joined or apart, in letters of any size; L and R stand for left and right."""
+def test_usual_spellings_are_hands(side: str, change: Any) -> None:
+    """Words may be in either order, joined or separate, in any case; L and R are left and right."""
     words = [change(spelling.format(side)) for spelling in SPELLINGS]
     words += [change(spelling.format(letter)) for spelling in SHORT for letter in (side[0], side[0].upper())]
     assert {word: side_of(word) for word in words} == dict.fromkeys(words, side)
@@ -62,11 +62,11 @@ def test_the_right_hand_of_a_tool_is_not_lost(tmp_path: Path) -> None:
     assert side_in(clip) == ["right", ""] and clip.key_frames[0].annotations[0].name == "right hand" and clip.warnings == ()
 
 
-@pytest.mark.parametrize(("name", "said"), [
+@pytest.mark.parametrize(("name", "message"), [
     ("left hand mask", "'left hand mask' counts as an object"), ("left glove", "'left glove' counts as an object")])
-def test_a_name_that_nearly_is_a_hand_is_remarked_on(tmp_path: Path, name: str, said: str) -> None:
-    """It may be an object, so it is kept as one, with a warning."""
-    assert any(said in text for text in read_own(tmp_path, named(name)).warnings)
+def test_names_that_resemble_hands_get_a_remark(tmp_path: Path, name: str, message: str) -> None:
+    """The mask is kept as an object, with a warning."""
+    assert any(message in text for text in read_own(tmp_path, named(name)).warnings)
 
 
 def test_masks_without_a_hand_are_remarked_on(tmp_path: Path) -> None:
@@ -98,6 +98,6 @@ def shares() -> dict[str, Any]:
     shares(),
     {"video_annotations": [image("mine", 1, [mask("left hand", "h", ([[0.1, 0.2], [0.5, 0.2], [1.0, 1.0]],))])]}])  # fmt: skip
 def test_normalised_coordinates_are_refused(tmp_path: Path, document: dict[str, Any]) -> None:
-    """They ended as a hand without a pixel: no contact, no sample and no word about it."""
+    """Normalised coordinates would give a hand without pixels, and no sample."""
     with pytest.raises(SourceError, match="corners in pixels, got normalised coordinates up to 1; multiply x by the width"):
         read_own(tmp_path, document)

@@ -13,7 +13,7 @@ from safetensors.torch import load_file, save_file
 
 from afford.extraction.hands import Sam3
 from afford.extraction.hands.sam3 import PHRASES, find
-from afford.models.sam3 import load_model, see
+from afford.models.sam3 import concept_probabilities, load_model
 from afford.models.weights import weight_files
 from stages.extraction import hand_detect
 from stages.extraction.hand_detect import Params
@@ -49,9 +49,9 @@ def test_other_weights_other_answers_and_the_same_bytes_twice(model: Path, tmp_p
 def test_words_matter_and_so_does_the_threshold(model: Path) -> None:
     """Other phrases, other masks; where nothing is sure enough nothing is seen."""
     loaded = load_model(str(model))
-    said = see(loaded, pictures(1), PHRASES, 0.0)
+    said = concept_probabilities(loaded, pictures(1), PHRASES, 0.0)
     assert len({phrase.tobytes() for phrase in said}) == len(PHRASES)
-    assert not see(loaded, pictures(1), PHRASES, 1.0).any()
+    assert not concept_probabilities(loaded, pictures(1), PHRASES, 1.0).any()
     assert not find(pictures(1), replace(params(model), threshold=1.0))[..., 2].any()
 
 
@@ -67,16 +67,16 @@ def test_the_detector_of_the_video_model_is_taken(model: Path, tmp_path: Path) -
     assert np.array_equal(find(pictures(1), params(found)), find(pictures(1), params(model)))
 
 
-def test_a_clip_goes_through_the_stage(model: Path) -> None:
-    """With the model among its inputs, wherever it lies."""
+def test_stage_with_sam3(model: Path) -> None:
+    """The model is an input of the stage, independent of its path."""
     frames = toy(7).frames
     chosen = Params(backend="sam3", batch=3, sam3=params(Path("elsewhere")))
     found = hand_detect.run(clip_of(frames), frames, chosen, weight_files(str(model), digest))
     assert len(found.key_frames) >= 2
 
 
-def test_what_is_no_sam3_is_refused_in_a_sentence(model: Path, tmp_path: Path) -> None:
-    """No name, another model, a file cut short, a tensor that is missing."""
+def test_invalid_weights_are_refused(model: Path, tmp_path: Path) -> None:
+    """A missing name, another model, a truncated file and a missing tensor are refused in one sentence."""
     cut, less = (Path(shutil.copytree(model, tmp_path / name)) for name in ("cut", "less"))
     (cut / "model.safetensors").write_bytes((cut / "model.safetensors").read_bytes()[:5000])
     tensors = load_file(less / "model.safetensors")

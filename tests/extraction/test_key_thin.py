@@ -22,7 +22,7 @@ def test_stride_two_doubles_the_gap() -> None:
 
 
 def test_stride_one_is_the_identity() -> None:
-    """Everything but the key frames is untouched, and with stride 1 those too."""
+    """Stride 1 keeps all key frames; any stride keeps all other fields."""
     whole = clip((1, 16, 31))
     assert key_thin.run(whole, key_thin.Params(1)) == whole
     assert replace(key_thin.run(whole, key_thin.Params(2)), key_frames=whole.key_frames) == whole

@@ -57,16 +57,16 @@ class Scripted(nn.Module):
         return mask * self.model.generator(known) + (1 - mask) * image
 
 
-def test_nothing_outside_the_mask_changes(clip: Toy, found: Inpainted) -> None:
-    """To the bit; inside, everything is guessed."""
+def test_pixels_outside_the_mask_are_unchanged(clip: Toy, found: Inpainted) -> None:
+    """Pixels inside the mask have confidence 0."""
     assert found.rgb.shape == clip.frames.rgb.shape and found.rgb.dtype == np.uint8 and found.mask.any()
     assert np.array_equal(found.rgb[~found.mask], clip.frames.rgb[~found.mask])
     assert (found.rgb[found.mask] != clip.frames.rgb[found.mask]).any(axis=1).mean() > 0.9
     assert (found.source[found.mask] == PixelSource.SPATIAL).all() and (found.confidence[found.mask] == 0).all()
 
 
-def test_same_bytes_twice_and_others_with_other_weights(clip: Toy, params: Params, found: Inpainted, tmp_path: Path) -> None:
-    """What is painted comes from the file alone."""
+def test_output_depends_on_weights_and_is_deterministic(clip: Toy, params: Params, found: Inpainted, tmp_path: Path) -> None:
+    """The fill depends on the frame and on the weights only."""
     assert run(clip, params).rgb.tobytes() == found.rgb.tobytes()
     other = changed(params, model=str(save_lama(tmp_path / "b.safetensors", seed=1)))
     assert run(clip, other).rgb.tobytes() != found.rgb.tobytes()
@@ -133,19 +133,19 @@ def test_torchscript_gives_the_same_model(tmp_path: Path) -> None:
             assert torch.equal(model(x), generator(x))
 
 
-def test_a_partial_or_foreign_lama_is_refused(clip: Toy, params: Params, tmp_path: Path) -> None:
-    """None, no file, no such tensors, a tensor missing, another shape: one sentence each."""
+def test_invalid_weights_are_refused(clip: Toy, params: Params, tmp_path: Path) -> None:
+    """A missing name, a missing file, other or missing tensors and another shape are each refused in one sentence."""
     broken = random_tensors(lama_checkpoint(LAMA))
     del broken["generator.model.5.conv1.bn_l.weight"]
     broken["generator.model.34.extra"] = torch.zeros(1)
     save_file(broken, tmp_path / "broken.safetensors")
     save_file({"other.weight": torch.zeros(2)}, tmp_path / "foreign.safetensors")
     (tmp_path / "text.pt").write_text("not a model")
-    for model, said in (("", "needs a model"), (str(tmp_path), "which is not a file"),
+    for model, message in (("", "needs a model"), (str(tmp_path), "which is not a file"),
                         (str(tmp_path / "foreign.safetensors"), r"expected the tensor model\.1\.ffc\.convl2l\.weight"),
                         (str(tmp_path / "broken.safetensors"), r"2 of \d+ tensors do not fit: extra model\.34\.extra, missing "
                          r"model\.5\.conv1\.bn_l\.weight; give LaMa's"),
                         (str(tmp_path / "text.pt"), "expected a checkpoint or TorchScript")):  # fmt: skip
-        with pytest.raises(ValueError, match=said) as error:
+        with pytest.raises(ValueError, match=message) as error:
             run(clip, changed(params, model=model))
         assert "\n" not in str(error.value)

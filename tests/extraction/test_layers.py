@@ -47,7 +47,7 @@ def test_reconstruction_explains_every_sighting(depth_m: float) -> None:
 
 
 def test_a_flat_scene_gets_no_parallax() -> None:
-    """What planes explain is not explained by depth."""
+    """A scene that planes explain has no parallax."""
     seen, planes = scene(0.0)
     assert np.abs(reconstruct(seen, planes, unit_matrix(320, 200)[0, 0])[1][:, 3]).max() < 1e-6
 
@@ -80,8 +80,8 @@ def test_unrelated_frames_are_not_matched() -> None:
     assert far_homography(one, other, np.ones(one.shape, bool), np.ones(one.shape, bool)) is None
 
 
-def test_gather_takes_the_quantile_and_leaves_out_what_is_unusable() -> None:
-    """Of ten frames, seven bright: the median and the 0.7 quantile are bright, whatever unusable frames show."""
+def test_gather_colour_uses_the_quantile_of_usable_pixels() -> None:
+    """The median and the 0.7 quantile of seven bright frames of ten are bright; unusable frames do not count."""
     grey = np.array([50, 50, 50, 200, 200, 200, 200, 200, 200, 200], np.uint8)
     rgb = np.broadcast_to(grey[:, None, None, None], (10, 4, 4, 3)).copy()
     usable, cameras = np.ones((10, 4, 4), bool), np.tile(np.eye(3, 4), (10, 1, 1))
@@ -116,8 +116,8 @@ def test_distance_is_not_trusted_where_the_outline_may_be_hidden() -> None:
     assert trust[15, 17] == 0
 
 
-def test_a_quick_turn_is_followed() -> None:
-    """From one frame to the next the card moves 3 px and turns 5 degrees: the poses say so to half a pixel."""
+def test_template_tracks_fast_rotation() -> None:
+    """The card moves 3 px and rotates 5 degrees between frames; poses are accurate to half a pixel."""
     clip = toy(count=3)
     grey, mask = cv2.cvtColor(clip.frames.rgb[0], cv2.COLOR_RGB2GRAY), clip.amodal[0]
     turn = cv2.getRotationMatrix2D((70.0, 48.0), 5, 1)
@@ -163,8 +163,8 @@ def test_relight_meets_the_rim() -> None:
     assert np.array_equal(relight(fill, image, np.zeros_like(rim)), fill)
 
 
-def test_a_grip_shades_its_inside_alone() -> None:
-    """Nothing outside the hand, darker the deeper under it, and never darker than the limit."""
+def test_contact_shadow_darkens_the_inside_only() -> None:
+    """The shadow grows with depth under the hand, up to its limit."""
     hole = np.zeros((60, 60), bool)
     hole[5:55, 5:55] = True
     shade = contact_shadow(hole)

@@ -52,7 +52,7 @@ def test_provenance_names_the_nearest_key_frame(shot) -> None:
 
 
 def test_the_same_input_gives_the_same_bytes(shot) -> None:
-    """Twice the same, and the inputs stay as they were."""
+    """Two runs agree, and the inputs are unchanged."""
     rgb, labels = shot
     clip, frames = clip_of([both(1, labels), both(LAST, labels)], LAST), frames_of(rgb.copy())
     first, second = run(clip, frames, Params()), run(clip, frames, Params())
@@ -72,8 +72,8 @@ def test_an_entering_hand_is_flagged_and_found() -> None:
     assert region_similarity(tracks.masks[0, LAST - 3], labels[LAST - 3] == HAND) > 0.85
 
 
-def test_nothing_is_chained_across_missing_frames(shot) -> None:
-    """Key frames that are no neighbours, and no video between them: the tracks are the key masks."""
+def test_motion_is_not_chained_across_missing_frames(shot) -> None:
+    """Tracks of key frames with a gap between them are the key masks."""
     rgb, labels = shot
     numbers = np.array([1, 40, 41])
     clip = clip_of([both(1, labels)], 41)

@@ -34,26 +34,26 @@ A, B, C = narration("a", 1, 20), narration("b", 5, 10), narration("c", 8, 30)
 
 
 def test_the_last_one_in_the_file_wins() -> None:
-    """Rows (1-10, a), (5-20, b): frame 7 is b's, frame 3 is a's, frame 21 is nobody's."""
+    """Rows (1-10, a), (5-20, b): frame 7 is labelled b, frame 3 a, and frame 21 has no label."""
     found = label([narration("a", 1, 10), narration("b", 5, 20)], range(1, 22))
     assert (found[7], found[3], 21 in found) == (["b"], ["a"], False)
 
 
-def test_the_shortest_one_wins_when_asked() -> None:
-    """Of equals the later one."""
+def test_policy_shortest() -> None:
+    """The shortest interval is chosen, the later one on a tie."""
     found = label([A, B, C], range(1, 31), Params(policy="shortest"))
     assert (found[4], found[9], found[15], found[25]) == (["a"], ["b"], ["a"], ["c"])
     assert label([narration("x", 1, 5), narration("y", 2, 6)], range(1, 7), Params(policy="shortest"))[3] == ["y"]
 
 
-def test_all_of_them_when_asked() -> None:
-    """By frame, then in file order."""
+def test_policy_all() -> None:
+    """Rows are sorted by frame, then in file order."""
     assert label([A, B, C], range(1, 31), Params(policy="all"))[9] == ["a", "b", "c"]
 
 
 @pytest.mark.parametrize("policy", ["last", "shortest", "all"])
-def test_a_label_is_a_narration_that_holds_the_frame(policy: str) -> None:
-    """And every frame that some narration holds is labelled."""
+def test_labels_are_narrations_that_cover_the_frame(policy: str) -> None:
+    """Each covered frame is labelled."""
     found = run([A, B, C], range(3, 40), Params(policy=policy))
     for frame, index in zip(found.frame, found.narration, strict=True):
         assert found.narrations[index].start_frame <= frame <= found.narrations[index].stop_frame
@@ -73,8 +73,8 @@ def test_excluded_verbs_neither_label_nor_hide_others() -> None:
     assert found.excluded == ("l", "k") and {n.narration_id for n in found.narrations} == {"a", "o"}
 
 
-def test_without_narrations_nothing_is_labelled() -> None:
-    """No narration, no row."""
+def test_a_clip_without_narrations_has_no_labels() -> None:
+    """The result has no rows."""
     for policy in ("last", "shortest", "all"):
         found = run([], range(1, 5), Params(policy=policy))
         assert len(found.frame) == 0 and found.narrations == ()

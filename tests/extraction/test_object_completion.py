@@ -51,14 +51,14 @@ def test_template_beats_the_baselines(clip: Toy, inpainted: Inpainted) -> None:
     assert scores == sorted(scores, reverse=True)
 
 
-def test_an_object_that_nothing_hides_is_complete(clip: Toy, inpainted: Inpainted) -> None:
-    """Where the hand is away the mask is the visible one, with confidence 1."""
+def test_an_unoccluded_object_is_complete(clip: Toy, inpainted: Inpainted) -> None:
+    """The mask of an unoccluded object is the visible one, with confidence 1."""
     complete = object_completion.run(clip.frames, clip.tracks, inpainted, Params())
     assert np.array_equal(complete.masks[0, 0], clip.tracks.masks[2, 0])
     assert complete.confidence[0, 0] == 1
 
 
-def test_never_fully_seen_is_put_together_from_its_parts() -> None:
+def test_an_object_is_composed_of_its_visible_parts() -> None:
     """Frames that all hide some of the card still give most of it."""
     clip = toy(rows=slice(6, 19))
     telea = hand_inpaint.run(clip.frames, clip.tracks, hand_inpaint.Params(backend="telea"))

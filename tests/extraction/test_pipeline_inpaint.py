@@ -1,4 +1,4 @@
-"""From video to data set with a learned inpainter: tiny random weights, the real loading code, every stage."""
+"""Pipeline from video to data set with a learned inpainter: tiny random weights, the real loading code, all stages."""
 
 from __future__ import annotations
 

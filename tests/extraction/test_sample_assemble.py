@@ -58,8 +58,8 @@ def run(x: dict, **params):
     return sample_assemble.run(**x, params=sample_assemble.Params(**params))
 
 
-def test_every_accepted_and_narrated_frame_gives_a_sample():
-    """By default nothing accepted is dropped, and a sample holds the masks of its own frame to the bit."""
+def test_accepted_and_narrated_frames_give_samples():
+    """Default parameters drop no accepted frame; a sample has the masks of its frame."""
     x = extraction()
     made = run(x)
     assert [sample.frame for sample in made.samples] == FRAME.tolist()
@@ -80,8 +80,8 @@ def test_image_is_the_inpainted_frame_as_jpeg():
     assert sample.inpaint_confidence == pytest.approx(0.2)
 
 
-def test_each_dropped_frame_is_counted_once_under_its_first_reason():
-    """Samples and reasons together account for every frame."""
+def test_dropped_frames_are_counted_under_their_first_reason():
+    """Samples and reasons together account for all frames."""
     x = extraction()
     rejection = np.zeros(T, np.uint8)
     rejection[[0, 1]] = Rejection.TOO_SMALL
@@ -118,7 +118,7 @@ def test_motion_follows_the_centroids():
 
 
 def test_sparse_frames_have_no_motion_but_the_start():
-    """Between frames that lie seconds apart nothing is made up."""
+    """Motion is not interpolated between frames that are seconds apart."""
     x = extraction()
     frames = replace(x["frames"], time_ns=x["frames"].time_ns * 100)
     motion = run(x | {"frames": frames}).samples[0].motion

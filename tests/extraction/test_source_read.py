@@ -13,7 +13,7 @@ import pytest
 from afford.extraction.sources.outlines import rasterise
 from schemas.video import Annotation, Clip, KeyFrame
 from stages.extraction import source_read
-from tests.extraction.test_readers_discover import DATA
+from tests.extraction.test_discover import DATA
 from tests.helpers.tiny_root import (
     OTHER,
     SQUARE,
@@ -81,19 +81,19 @@ def test_a_glove_is_the_hand_it_is_on(tmp_path: Path) -> None:
 
 
 def test_gloves_that_are_not_on_one_hand(tmp_path: Path) -> None:
-    """On both hands: one annotation of both; on none: an object."""
+    """Gloves on both hands are one annotation of both; gloves on no hand are an object."""
     rows = [mask("gloves", "b", in_contact_object="glove-not-in-contact", on_which_hand=["left hand", "right hand"]),
             mask("oven glove", "o", (OTHER,), in_contact_object=None, on_which_hand=None)]
     key = only(read_points(tmp_path, [image("P95_01", 1, rows)]))
     assert named(key, "gloves").side == "both" and named(key, "oven glove").side == ""
 
 
-@pytest.mark.parametrize(("said", "read"), [
+@pytest.mark.parametrize(("written", "read"), [
     ("hand-not-in-contact", "hand-not-in-contact"), ("none-of-the-above", "none-of-the-above"),
     ("inconclusive", "inconclusive"), (None, ""), ("m", "m")])
-def test_words_of_contact_are_kept(tmp_path: Path, said: str | None, read: str) -> None:
+def test_words_of_contact_are_kept(tmp_path: Path, written: str | None, read: str) -> None:
     """VISOR's words, an id, and nothing at all stay what they are."""
-    rows = [mask("right hand", "h", in_contact_object=said), mask("mug", "m", (OTHER,))]
+    rows = [mask("right hand", "h", in_contact_object=written), mask("mug", "m", (OTHER,))]
     clip = read_points(tmp_path, [image("P95_01", 1, rows)])
     assert named(only(clip), "right hand").contact == read and clip.warnings == ()
 
@@ -144,7 +144,7 @@ def test_a_wide_gap_cuts_a_video_and_a_narrow_one_does_not(tmp_path: Path) -> No
 
 
 def test_a_long_clip_is_cut_at_a_key_frame_that_both_sides_keep(tmp_path: Path) -> None:
-    """So every frame between key frames has one before and one after it."""
+    """Frames between key frames keep a key frame before and after them."""
     write_root(tmp_path, frames=100, points=[image("P95_01", frame) for frame in range(1, 92, 15)])
     parts = clips(tmp_path, params=replace(PARAMS, max_frames=40, margin_frames=3))
     assert [(c.first_frame, c.last_frame) for c in parts] == [(1, 31), (31, 61), (61, 94)]
@@ -159,7 +159,7 @@ def test_margins_stop_at_the_ends_of_the_video_and_halfway_to_the_next_key_frame
 
 
 def test_frame_images_alone_are_one_clip_of_the_frames_that_exist(tmp_path: Path) -> None:
-    """Nothing lies between them, so a gap of 20 s does not cut; a key frame without image is left out and said so."""
+    """A gap of 20 s without frames does not cut; a key frame without image is dropped with a remark."""
     write_root(tmp_path, points=[image("P95_01", frame) for frame in (1, 16, 601)])
     (tmp_path / "videos" / "P95_01.MP4").unlink()
     folder = tmp_path / "rgb_frames" / "train" / "P95_01"

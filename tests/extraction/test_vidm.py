@@ -37,8 +37,8 @@ def run(clip: Toy, params: Params) -> Inpainted:
     return hand_inpaint.run(clip.frames, clip.tracks, params)
 
 
-def test_nothing_outside_the_mask_changes(clip: Toy, found: Inpainted) -> None:
-    """To the bit; inside, the hand is gone, and its pixels are neither seen nor blind."""
+def test_pixels_outside_the_mask_are_unchanged(clip: Toy, found: Inpainted) -> None:
+    """Pixels inside the mask have confidence 128."""
     assert found.rgb.shape == clip.frames.rgb.shape and found.rgb.dtype == np.uint8 and found.mask.any()
     assert np.array_equal(found.rgb[~found.mask], clip.frames.rgb[~found.mask])
     assert (found.rgb[found.mask] != clip.frames.rgb[found.mask]).any(axis=1).mean() > 0.9
@@ -54,8 +54,8 @@ def test_same_seed_same_bytes(clip: Toy, params: Params, found: Inpainted) -> No
         assert run(clip, other).rgb.tobytes() != found.rgb.tobytes()
 
 
-def test_other_weights_other_pictures(clip: Toy, params: Params, found: Inpainted, tmp_path: Path) -> None:
-    """What is painted comes from the checkpoint."""
+def test_output_depends_on_weights(clip: Toy, params: Params, found: Inpainted, tmp_path: Path) -> None:
+    """The fill depends on the checkpoint."""
     assert not np.array_equal(run(clip, changed(params, model=str(save_vidm(tmp_path, seed=1)))).rgb, found.rgb)
 
 
@@ -77,26 +77,26 @@ def test_windows_and_types_are_choices(clip: Toy, params: Params, found: Inpaint
 
 
 def test_a_clip_without_hands_needs_no_model(clip: Toy) -> None:
-    """Nothing is loaded when nothing is to be filled."""
+    """The model is not loaded without holes."""
     away = replace(clip.tracks, masks=np.zeros_like(clip.tracks.masks))
     out = hand_inpaint.run(clip.frames, away, Params(backend="vidm"))
     assert np.array_equal(out.rgb, clip.frames.rgb)
 
 
 def test_one_frame_is_a_clip(params: Params) -> None:
-    """It is its own context."""
+    """A single frame is its own context."""
     assert run(toy(count=25, rows=slice(12, 13)), params).mask.any()
 
 
-@pytest.mark.parametrize(("change", "said"), [
+@pytest.mark.parametrize(("change", "message"), [
     ({"model": ""}, "needs a model: expected the published checkpoint"),
     ({"model": "/nowhere"}, "'/nowhere', which does not exist"),
     ({"ddim_steps": 0}, "ddim_steps: expected 1 to 500"), ({"ddim_steps": 501}, "got 501"), ({"batch": 0}, "batch: expected 1"),
     ({"device": "tpu"}, "device 'tpu': expected cpu, cuda or cuda:N"), ({"dtype": "int8"}, "dtype 'int8': expected one of float32"),
     ({"window_px": 8}, "window_px: expected 0 or 64")])  # fmt: skip
-def test_what_cannot_be_run_is_said(clip: Toy, params: Params, change: dict[str, object], said: str) -> None:
-    """In one sentence."""
-    with pytest.raises(ValueError, match=said) as error:
+def test_invalid_parameters_are_refused(clip: Toy, params: Params, change: dict[str, object], message: str) -> None:
+    """Each error is one sentence."""
+    with pytest.raises(ValueError, match=message) as error:
         run(clip, changed(params, **change))
     assert "\n" not in str(error.value)
 

@@ -1,4 +1,4 @@
-"""Published VIDM checkpoints: every name is known, every size is the published one, and what does not fit is said."""
+"""Published VIDM checkpoints: known names, published sizes, and errors for other tensors."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def count(module: nn.Module) -> int:
 
 
 def test_vidm_has_the_published_size() -> None:
-    """Without memory: 387.25 million parameters and the join in the U-Net, and as many as the published shapes add up to."""
+    """The U-Net has 387.25 million parameters and the convolution over time, as the published shapes add up to."""
     with torch.device("meta"):
         model = Vidm(VidmConfig())
     assert count(model.unet) == LDM_UNET + JOIN
@@ -43,8 +43,8 @@ def test_vidm_has_the_published_size() -> None:
         assert count(part) == sum(math.prod(shape) for name, shape in shapes.items() if name.startswith(prefix))
 
 
-def test_every_published_name_and_shape_is_ours() -> None:
-    """At the published size, from names written down by themselves."""
+def test_published_names_and_shapes() -> None:
+    """Names and shapes of the published size equal an independent list."""
     with torch.device("meta"):
         model = Vidm(VidmConfig())
         given = {name: torch.empty(shape) for name, shape in vidm_checkpoint(VidmConfig()).items()}
@@ -53,8 +53,8 @@ def test_every_published_name_and_shape_is_ours() -> None:
     assert {name: tuple(tensor.shape) for name, tensor in renamed.items()} == own
 
 
-def test_the_moving_average_is_taken(published: dict[str, Tensor], tmp_path: Path) -> None:
-    """As the released script does; where a file has none, the weights themselves. A trainer's file and safetensors are the same."""
+def test_the_moving_average_is_preferred(published: dict[str, Tensor], tmp_path: Path) -> None:
+    """A file without moving average uses the plain weights; a trainer's file and safetensors give the same model."""
     torch.save({"state_dict": published, "epoch": 3}, tmp_path / "a.ckpt")
     save_file(published, tmp_path / "b.safetensors")
     plain = {name: tensor for name, tensor in published.items() if not name.startswith("model_ema.")}
@@ -73,8 +73,8 @@ def test_a_saved_model_is_the_same_model(tmp_path: Path) -> None:
         assert (first / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
 
 
-def test_what_does_not_fit_is_counted_and_named(published: dict[str, Tensor], tmp_path: Path) -> None:
-    """Missing, extra and misshaped tensors in one sentence; some by name, the rest by number."""
+def test_wrong_tensors_are_counted_and_named(published: dict[str, Tensor], tmp_path: Path) -> None:
+    """Missing, extra and misshaped tensors are reported in one sentence, some by name, the rest by number."""
     broken = dict(published)
     del broken["first_stage_model.quantize.embedding.weight"]
     broken["first_stage_model.encoder.conv_in.bias"] = torch.zeros(7)
@@ -83,10 +83,10 @@ def test_what_does_not_fit_is_counted_and_named(published: dict[str, Tensor], tm
     save_file(broken, path)
     with pytest.raises(ValueError) as error:
         load(str(path), CPU, FLOAT, VIDM)
-    said = str(error.value)
-    assert said.startswith(f"{path}: 3 of ") and "\n" not in said
-    assert "missing first_stage.quantize.embedding.weight" in said and "extra model.control.weight" in said
-    assert "misshaped first_stage.encoder.conv_in.bias: expected (32,), got (7,)" in said and "published checkpoint" in said
+    message = str(error.value)
+    assert message.startswith(f"{path}: 3 of ") and "\n" not in message
+    assert "missing first_stage.quantize.embedding.weight" in message and "extra model.control.weight" in message
+    assert "misshaped first_stage.encoder.conv_in.bias: expected (32,), got (7,)" in message and "published checkpoint" in message
 
 
 def test_a_checkpoint_of_a_picture_model_is_refused(tmp_path: Path) -> None:
@@ -99,10 +99,10 @@ def test_a_checkpoint_of_a_picture_model_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_partial_vidm_folder_is_refused(tmp_path: Path) -> None:
-    """No config, another format, a field that nobody knows, no weights."""
-    for text, said in (("", "expected the config"), ('{"format": "x"}', 'expected "format": "afford-vidm-1"'),
+    """A missing config, another format, an unknown field and missing weights are refused."""
+    for text, message in (("", "expected the config"), ('{"format": "x"}', 'expected "format": "afford-vidm-1"'),
                        ('{"format": "afford-vidm-1", "depth": 3}', "unknown fields depth"),
                        ('{"format": "afford-vidm-1"}', r"model\.safetensors: expected a checkpoint")):  # fmt: skip
         (tmp_path / "config.json").write_text(text)
-        with pytest.raises(ValueError, match=said):
+        with pytest.raises(ValueError, match=message):
             load(str(tmp_path), CPU, FLOAT)

@@ -1,4 +1,4 @@
-"""The network of the student: the published sizes; the order of points means nothing; the kinds mean something."""
+"""Network of the student: published sizes, invariance to the order of points, dependence on every input."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def model() -> CloudPolicy:
 
 
 def test_paper_sizes() -> None:
-    """PointNets of 128, 256 (maximum and mean), 256, 128; two blocks of 128 numbers and 4 heads, dropout 0.1; 1024-1024-512-512."""
+    """PointNets 128, 256 (maximum and mean), 256, 128; two blocks of width 128 with 4 heads, dropout 0.1; MLP 1024-1024-512-512."""
     made = CloudPolicy(paper_config(220, 24))
     assert made.config.dropout == 0.1 and len(made.mixer.layers) == 2
     for net in (made.hand, made.object, made.all, made.negative):
@@ -33,20 +33,20 @@ def test_paper_sizes() -> None:
     assert made.eval()(torch.zeros(2, 220), torch.zeros(2, 1024, 3), torch.zeros(2, 100, 3)).shape == (2, 24)
 
 
-def test_the_order_of_points_means_nothing() -> None:
-    """Within the hand, within the object, within N_t; between hand and object it does."""
+def test_order_of_points_does_not_matter() -> None:
+    """Permutations within hand, object or N_t change nothing; swapping hand and object does."""
     net, (robot, cloud, N) = model(), seen()
     order = torch.cat([torch.randperm(32), 32 + torch.randperm(32)])
     assert torch.allclose(net(robot, cloud, N), net(robot, cloud[:, order], N[:, torch.randperm(10)]), atol=1e-6)
     assert not torch.allclose(net(robot, cloud, N), net(robot, cloud.roll(32, dims=1), N), atol=1e-6)
 
 
-def test_everything_that_is_seen_matters() -> None:
-    """The action depends on each input."""
+def test_action_depends_on_every_input() -> None:
+    """The gradient of each input is not zero."""
     parts = [part.requires_grad_() for part in seen()]
     model()(*parts).square().sum().backward()
     assert all(part.grad is not None and part.grad.abs().sum() > 0 for part in parts)
 
 
-def test_an_untrained_student_hardly_moves() -> None:
+def test_untrained_student_hardly_moves() -> None:
     assert model()(*seen()).abs().max() < 0.1

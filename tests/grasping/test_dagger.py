@@ -1,6 +1,8 @@
-"""DAgger on a line: a student that sees where it is learns what the teacher does; what is remembered; the same again."""
+"""DAgger on a line: the student learns the teacher's actions, training resumes exactly, the buffer is first-in first-out."""
 
 from __future__ import annotations
+
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -9,6 +11,15 @@ import torch
 from afford.grasping.rl import dagger
 from afford.grasping.rl.cloud_policy import CloudConfig, CloudPolicy
 from afford.grasping.rl.ppo import make_optimizer
+
+
+@pytest.fixture(autouse=True)
+def one_thread() -> Iterator[None]:
+    """Compute small networks in one thread, which is faster on busy cores."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
 
 
 class Reach:
@@ -41,7 +52,7 @@ class Reach:
 
 
 def trained(rounds: int, stop: int = 0) -> tuple[CloudPolicy, list[dict[str, float]]]:
-    """In one go, or as if it had been killed after `stop` rounds and gone on from what it had kept."""
+    """Train in one process, or as if killed after `stop` rounds and resumed."""
     torch.manual_seed(0)
     model = CloudPolicy(CloudConfig(2, 1, (8, 16), 16, hidden=(32,)))
     config = dagger.DaggerConfig(rounds=rounds, updates=20, batch=32, buffer=400, led=3, lr=3e-3)
@@ -60,23 +71,23 @@ def trained(rounds: int, stop: int = 0) -> tuple[CloudPolicy, list[dict[str, flo
     return model, notes
 
 
-def test_the_student_comes_to_do_what_the_teacher_does() -> None:
-    """It arrives by itself; the error falls; the teacher leads less and less, and then not at all."""
+def test_student_learns_the_teachers_actions() -> None:
+    """The student arrives by itself, the error falls, and the teacher's share falls to 0."""
     _, notes = trained(8)
     assert [one["led"] for one in notes[:4]] == [1.0, 11 / 16, 5 / 16, 0.0] and notes[-1]["led"] == 0
     assert "near" not in notes[0] and notes[-1]["near"] >= 0.9
     assert notes[-1]["error"] < 0.1 * notes[0]["error"]
 
 
-def test_a_training_that_was_interrupted_ends_the_same() -> None:
-    """To the bit."""
+def test_interrupted_training_resumes_to_the_same_weights() -> None:
+    """Weights and scalars are equal bit for bit."""
     (one, notes), (other, again) = trained(5), trained(5, stop=2)
     assert notes == again
     assert all(torch.equal(a, b) for a, b in zip(one.state_dict().values(), other.state_dict().values(), strict=True))
 
 
-def test_the_oldest_moments_are_forgotten_first() -> None:
-    """A ring."""
+def test_buffer_is_first_in_first_out() -> None:
+    """A full buffer holds the newest rows; a half-full one samples its own rows only."""
     buffer, rng = dagger.ReplayBuffer(5), np.random.default_rng(0)
     for first in (0, 3, 6):
         buffer.add(np.arange(first, first + 3), np.arange(first, first + 3) * 2.0)

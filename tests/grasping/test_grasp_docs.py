@@ -1,4 +1,4 @@
-"""The page of the environments says what the code does."""
+"""Page of the grasping environments: it agrees with the code."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from benchmarks import bench_grasp_env as page
 from tests.helpers.made_hands import shadow
 
 
-def test_the_contract_in_the_docstring_is_kept() -> None:
-    """Which number of an action is which motor, which numbers of the published observation are which block."""
+def test_docstring_lists_actions_and_observations() -> None:
+    """Motors of the actions, and blocks of the published observation."""
     text = str(env.__doc__)
     names = [shadow().joints.name[k] for k in commanded_joints(shadow().joints)]
     rows = re.findall(r"(\d+)-(\d+) +((?:[A-Z]{2}J\d ?)+)", text)
@@ -29,8 +29,8 @@ def test_the_contract_in_the_docstring_is_kept() -> None:
     ("action", lambda: page.actions(shadow())), ("wrench", lambda: page.wrenches(shadow())),
     ("observation", page.observations), ("reward", page.rewards),
     ("imitation", page.imitations), ("report", page.report), ("random", page.randomisation)])  # fmt: skip
-def test_tables_are_those_of_the_code(name: str, block) -> None:  # type: ignore[no-untyped-def]  # a function without arguments
-    """Written by benchmarks/bench_grasp_env.py, and not changed by hand since."""
+def test_tables_agree_with_the_code(name: str, block) -> None:  # type: ignore[no-untyped-def]  # a function without arguments
+    """Written by benchmarks/bench_grasp_env.py and not edited since."""
     start, end = f"<!-- {name}: written by benchmarks/bench_grasp_env.py -->\n", f"<!-- end of {name} -->"
     text = page.PAGE.read_text()
     assert text.partition(start)[2].partition(end)[0] == block()

@@ -87,7 +87,7 @@ def test_frames_stand_in_rows_under_their_times() -> None:
 
 def test_other_tasks_and_addresses_with_more_in_them_are_refused() -> None:
     """What may hold a key is not shown."""
-    with pytest.raises(ValueError, match="got none named"):
+    with pytest.raises(ValueError, match="no task is named"):
         grasp_judge.run(shadow(), (), episodes(), grasp_judge.Params(vlm=Chat("x")))
     for wrong in ({"url": "https://user:secret1@host/v1"}, {"key_variable": "sk-secret1"}, {"frames": 0}):
         with pytest.raises(ValueError, match="expected") as caught:

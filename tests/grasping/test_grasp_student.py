@@ -1,4 +1,4 @@
-"""The stage: a teacher's files in, a student's out; killed, it goes on to the same; what is wrong is said."""
+"""Stage grasp_student: files of a teacher in, of a student out; exact resumption; errors."""
 
 from __future__ import annotations
 
@@ -48,8 +48,8 @@ def trained(expert: FileTree, tmp_path_factory: pytest.TempPathFactory) -> Train
     return grasp_student.run(shadow(), (tasks(),), expert, TINY, Scratch(tmp_path_factory.mktemp("student")))
 
 
-def test_a_student_is_files_that_act(trained: Trained) -> None:
-    """In the environment of its teacher, in either engine."""
+def test_student_files_can_be_loaded_and_act(trained: Trained) -> None:
+    """Play episodes in the environment of its teacher, in another engine."""
     policy = load_policy.load_policy(trained.files, {})
     config = policy.config("bullet", Physics(), "flat", 0.0)
     assert (config.start, config.base, policy.student is not None) == ("anywhere", "script", True)
@@ -60,17 +60,17 @@ def test_a_student_is_files_that_act(trained: Trained) -> None:
     assert np.array_equal(rounds[0].q, rounds[1].q) and not np.array_equal(rounds[0].q, rounds[2].q)
 
 
-def test_curves_are_kept(trained: Trained) -> None:
-    """The error of every round, the teacher's share, and how the student's own episodes went."""
+def test_curves_of_a_training(trained: Trained) -> None:
+    """The error of every round, the teacher's share, and figures of the student's own episodes."""
     curves = {one.name: one for one in trained.log.curves}
     assert {"train.error", "train.led", "train.held"} <= set(curves)
     assert curves["train.error"].step.tolist() == [1, 2, 3] and trained.log.steps == 3
     assert curves["train.led"].value.tolist() == [1.0, 0.0, 0.0]
 
 
-def test_killed_it_goes_on_to_the_same_bytes(trained: Trained, expert: FileTree, tmp_path: Path,
-                                             monkeypatch: pytest.MonkeyPatch) -> None:  # fmt: skip
-    """From the last checkpoint; moments of older ones are gone."""
+def test_killed_training_resumes_to_the_same_bytes(trained: Trained, expert: FileTree, tmp_path: Path,
+                                                   monkeypatch: pytest.MonkeyPatch) -> None:  # fmt: skip
+    """Resumes from the last checkpoint; replay buffers of older ones are deleted."""
     monkeypatch.setattr(train_student, "SECTION", 1)
     with pytest.raises(KeyboardInterrupt):
         grasp_student.run(shadow(), (tasks(),), expert, TINY, Killed(tmp_path))
@@ -79,14 +79,14 @@ def test_killed_it_goes_on_to_the_same_bytes(trained: Trained, expert: FileTree,
     assert [(one.name, one.digest) for one in again.files.files] == [(one.name, one.digest) for one in trained.files.files]
 
 
-def test_there_is_no_student_without_a_teacher_or_tasks(trained: Trained, expert: FileTree, tmp_path: Path) -> None:
+def test_missing_teacher_or_tasks_are_refused(trained: Trained, expert: FileTree, tmp_path: Path) -> None:
     for given, some in ((FileTree("none", ()), tasks()), (trained.files, tasks()), (expert, ())):
         with pytest.raises(ValueError, match="expected a task or more and the files of a teacher"):
             grasp_student.run(shadow(), (some,), given, TINY, Scratch(tmp_path))
 
 
-def test_files_that_fit_no_student_are_refused(trained: Trained) -> None:
-    """One sentence that says which."""
+def test_incomplete_student_files_are_refused(trained: Trained) -> None:
+    """The error names the missing file."""
     config = trained.files.find("student.json")
     assert config is not None
     with pytest.raises(ValueError, match=r"student: expected student\.safetensors of a trained student, got student\.json"):

@@ -1,4 +1,4 @@
-"""Tasks: which part to hold, which points to keep off, where the object lies."""
+"""Grasp tasks: the part to hold, negative points, poses of the object."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from tests.helpers.made_hands import shadow
 from tests.helpers.made_scenes import block, scene, tool
 
 
-def test_negative_points_are_of_the_negative_parts() -> None:
-    """100 of them; what is held is the largest of the rest; given points are taken instead."""
+def test_negative_points_lie_on_negative_parts() -> None:
+    """100 points; the part to hold is the largest of the others; given points replace them."""
     body = tool("spatula", 12)
     one = make_task(body, ("shaft", "head"))
     assert one.hold == body.parts.index("handle")
@@ -31,15 +31,15 @@ def test_negative_points_are_of_the_negative_parts() -> None:
     assert {tuple(p) for p in make_task(body, ("head",), N_t=given).N_t} <= {tuple(p) for p in given}
 
 
-def test_nothing_may_be_negative() -> None:
-    """Then there are no points; and few points are repeated, not invented."""
+def test_task_without_negative_parts() -> None:
+    """No points then; few points are repeated."""
     assert make_task(block()).N_t.shape == (0, 3)
     few = np.eye(3)
     assert {tuple(p) for p in spread_points(few, 10)} == {tuple(p) for p in few}
 
 
-def test_what_cannot_be_is_refused() -> None:
-    """A part that is not there, nothing left to hold, points that are no points."""
+def test_impossible_tasks_are_refused() -> None:
+    """A part that the object lacks, no part left to hold, arrays that are no points."""
     with pytest.raises(ValueError, match="got wing"):
         make_task(block(), ("wing",))
     with pytest.raises(ValueError, match="may be held"):
@@ -50,8 +50,8 @@ def test_what_cannot_be_is_refused() -> None:
         make_task(block(), N_t=np.full((3, 3), np.nan))
 
 
-def test_placing_keeps_height_and_turns_about_the_vertical() -> None:
-    """The centre of mass is over the place, whatever the yaw."""
+def test_placed_pose_keeps_height_and_turns_about_the_vertical() -> None:
+    """The centre of mass is above the place at every yaw."""
     body = tool("spatula", 12)
     lying = np.array([0.3, 0.2, 0.01, *Rotation.from_euler("xyz", [0.2, -0.1, 0.5]).as_quat()])
     pose = placed_pose(body, lying, np.array([0.02, -0.03]), 1.1)
@@ -62,8 +62,8 @@ def test_placing_keeps_height_and_turns_about_the_vertical() -> None:
 
 
 @pytest.mark.parametrize("engine", ["mujoco", "bullet"])
-def test_objects_lie_still_where_they_were_found_to_rest(engine: str) -> None:
-    """Put down flat, and dropped at three orientations: a second later they have not moved, and touch the table."""
+def test_rest_poses_are_stable(engine: str) -> None:
+    """Flat, and dropped at three orientations: a second later the object has not moved, and touches the table."""
     where = scene(tool("spatula", 12))
     made = make_world(engine, where)
     q = np.zeros(28)
@@ -81,8 +81,8 @@ def test_objects_lie_still_where_they_were_found_to_rest(engine: str) -> None:
     made.close()
 
 
-def test_what_is_allowed_is_farther_than_two_centimetres() -> None:
-    """Of the surface, from all negative points; everything where nothing is negative, and where nothing is left."""
+def test_allowed_points_are_farther_than_two_centimetres() -> None:
+    """Distance from all negative points; all points without negative points, and where none is left."""
     body = tool("spatula", 12)
     some, none = make_task(body, ("head",)), make_task(body)
     made = build_scenery(shadow(), (some, none, replace(some, N_t=body.points.astype(np.float64))))
@@ -91,8 +91,8 @@ def test_what_is_allowed_is_farther_than_two_centimetres() -> None:
     assert made.allowed[1].all() and made.allowed[2].all()
 
 
-def test_positive_points_are_measured_from_the_fingertips() -> None:
-    """Where some are known, the distance to the nearest; elsewhere nothing."""
+def test_distance_to_positive_points() -> None:
+    """The distance to the nearest point of A_t; 0 without A_t."""
     one = make_task(block())
     known = replace(one, A_t=np.array([[0.0, 0.0, 0.1], [0.0, 0.0, 0.0]]))
     grasping = GraspWorlds(shadow(), (one, known), GraspEnvConfig(base="script"))

@@ -1,4 +1,4 @@
-"""Training the prior, very short: it learns, the same bytes twice, a killed training goes on to the same bytes."""
+"""Training of the prior on a small scale: it learns, is repeatable, and resumes exactly."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ def trained(folder: Path, params: hand_imitation.Params = SHORT, last: int = 10*
     return hand_imitation.run(shadow(), tuple(map(tool, TOOLS)), targets(), reference_set(), params, Here(folder, last))
 
 
-def test_twice_the_same_bytes_and_killed_goes_on_to_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Files by digest and curves. What is read again acts as the facts say."""
+def test_training_is_repeatable_and_resumes_to_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Files by digest, and curves; the loaded policy acts as its facts describe."""
     monkeypatch.setattr("afford.grasping.imitation.train_prior.SAVE_EVERY", 1)
     first, again = trained(tmp_path / "a"), trained(tmp_path / "b")
     digests = [[(file.name, file.digest) for file in made.files.files] for made in (first, again)]
@@ -64,15 +64,15 @@ def test_twice_the_same_bytes_and_killed_goes_on_to_them(tmp_path: Path, monkeyp
     assert model.actions(torch.zeros(1, width)).mean.shape == (1, 24)
 
 
-def test_it_learns_what_the_expert_does(tmp_path: Path) -> None:
-    """Where the expert acts, the loss falls by more than half in twenty updates."""
+def test_prior_learns_the_experts_actions(tmp_path: Path) -> None:
+    """The loss falls by more than half in twenty updates while the expert acts."""
     made = trained(tmp_path, replace(SHORT, cloning=20, alone=10**9, passes=4, lr=3e-3, reinforcing=0, hidden=(64,)))
     loss = next(curve for curve in made.log.curves if curve.name == "clone.loss").value
     assert loss[-1] < 0.5 * loss[0]
 
 
-def test_no_clip_that_lifts_is_said(tmp_path: Path) -> None:
-    """Clips that hold nothing are dropped; when none is left, one sentence."""
+def test_set_without_a_lifting_clip_is_refused(tmp_path: Path) -> None:
+    """Clips that do not hold the object are dropped; an error when none is left."""
     with pytest.raises(ValueError, match="no clip of 4 lifts its object 1 times of 1"):
         trained(tmp_path, replace(SHORT, proofs=1, steps=6))
     for name, value in (("worlds", 0), ("nudged", 2.0)):

@@ -75,10 +75,17 @@ def test_empty_sets_are_rejected(tmp_path: Path) -> None:
         motion_files.run(nothing, motion_files.Params("mine"), Scratch(tmp_path))
 
 
+@pytest.fixture(scope="module")
+def sources(tmp_path_factory: pytest.TempPathFactory) -> dict[str, FileTree]:
+    """Backend -> a small source of its format."""
+    return recorded(tmp_path_factory.mktemp("sources"))
+
+
 @pytest.mark.parametrize("backend", ["keypoints", "dexycb", "oakink2"])
-def test_command_reads_every_format(backend: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_command_reads_every_format(backend: str, sources: dict[str, FileTree], tmp_path: Path,
+                                    capsys: pytest.CaptureFixture[str]) -> None:  # fmt: skip
     """A file or a folder gives references and a report; a second run is cached."""
-    source = recorded(tmp_path)[backend].files[0].path
+    source = sources[backend].files[0].path
     source = source.parent if backend == "oakink2" else source
     sets = (f"motion_read.backend={backend}", "motion_retarget.frame_steps=10", "motion_retarget.clip_steps=3",
             "motion_retarget.min_s=0.05", "motion_retarget.max_error_m=9", "motion_retarget.max_joint_rad_s=1e9",
@@ -92,7 +99,7 @@ def test_command_reads_every_format(backend: str, tmp_path: Path, capsys: pytest
     assert run(request) == 0 and json.loads(capsys.readouterr().out.splitlines()[-1])["ran"] == {}
 
 
-@pytest.mark.parametrize("source", [None, "nothing.npz"])
-def test_a_source_is_required(source: str | None, tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="expected"):
+@pytest.mark.parametrize(("source", "message"), [(None, "needs --source"), ("nothing.npz", "no such file or folder")])
+def test_a_source_is_required(source: str | None, message: str, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=message):
         run(Request("motions", tmp_path / source if source else None, store=tmp_path / "store"))

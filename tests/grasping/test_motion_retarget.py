@@ -12,7 +12,7 @@ from afford.grasping.motion.fit import FitState, FitWeights, RetargetProblem
 from afford.grasping.motion.keypoints import hand_motion
 from afford.grasping.motion.retarget import mirror_motion
 from afford.grasping.motion.targets import hand_points, scaled_targets
-from schemas.hand import HandModel, HandMotion, Retargeted
+from schemas.hand import HandModel, HandMotion, HandReference, Retargeted
 from stages.grasping import hand_retarget, motion_read, motion_report
 from tests.helpers.made_hands import shadow
 from tests.helpers.made_motions import SHARED, own_motion, trajectory, tree
@@ -30,6 +30,17 @@ def run(motion: HandMotion, **changes: object) -> Retargeted:
     return hand_retarget.run(motion, shadow(), replace(PARAMS, **changes))  # type: ignore[arg-type]  # fields of Params
 
 
+@pytest.fixture(scope="module")
+def fitted(motion: HandMotion) -> HandReference:
+    (reference,) = run(motion).references
+    return reference
+
+
+@pytest.fixture(scope="module")
+def not_centred(motion: HandMotion) -> Retargeted:
+    return run(motion, centre=False)
+
+
 def noisy(seed: int, frames: int = 40) -> HandMotion:
     """Shake all points of a posed hand by centimetres, which no hand can follow."""
     motion = own_motion(shadow(), trajectory(shadow(), frames, seed=seed))
@@ -37,20 +48,18 @@ def noisy(seed: int, frames: int = 40) -> HandMotion:
     return replace(motion, keypoints_m=motion.keypoints_m + shake)
 
 
-def test_the_hands_own_motion_is_recovered(motion: HandMotion) -> None:
+def test_the_hands_own_motion_is_recovered(motion: HandMotion, not_centred: Retargeted) -> None:
     """Points and palm agree within a millimetre, smoothing included."""
-    found = run(motion, centre=False)
-    (reference,) = found.references
+    (reference,), found = not_centred.references, not_centred
     assert found.verdict.kept and found.verdict.error_p95_m < 1e-3 and reference.error_m.max() < 1e-3
     theirs = motion.keypoints_m[:, [4, 8, 12, 16, 20]]
     assert np.linalg.norm(reference.tips_m - theirs, axis=-1).max() < 1e-3
     assert reference.bone_error_rad.max() < 0.02
 
 
-def test_references_agree_with_forward_kinematics(motion: HandMotion) -> None:
+def test_references_agree_with_forward_kinematics(fitted: HandReference) -> None:
     """Forward kinematics of q, gantry included, gives the stored palm, both levels and the tips."""
-    (reference,) = run(motion).references
-    hand = shadow()
+    hand, reference = shadow(), fitted
     T = forward_kinematics(hand.joints, reference.q)
     np.testing.assert_allclose(T[:, hand.palm], reference.T_world_palm, atol=1e-9)
     nought = np.zeros((len(hand.fingers.name), 3))
@@ -60,9 +69,9 @@ def test_references_agree_with_forward_kinematics(motion: HandMotion) -> None:
         np.testing.assert_allclose(points_on_links(T, links, offsets), stored, atol=1e-9)
 
 
-def test_centred_world(motion: HandMotion) -> None:
+def test_centred_world(fitted: HandReference, not_centred: Retargeted) -> None:
     """`centre` transforms the world by T_world_source: the palm starts at x = y = 0, and its mean yaw is 0."""
-    (moved,), (kept,) = run(motion).references, run(motion, centre=False).references
+    moved, (kept,) = fitted, not_centred.references
     np.testing.assert_allclose(moved.T_world_palm, moved.T_world_source @ kept.T_world_palm, atol=1e-9)
     np.testing.assert_allclose(moved.T_world_palm[0, :2, 3], 0, atol=1e-12)
     np.testing.assert_array_equal(kept.T_world_source, np.eye(4))
@@ -150,12 +159,12 @@ def test_clips_with_large_errors_are_dropped() -> None:
     assert found.verdict.detail.startswith(f"{1000 * found.verdict.error_p95_m:.1f} mm")
 
 
-def test_fast_clips_are_subsampled_and_long_ones_cut(motion: HandMotion) -> None:
+def test_fast_clips_are_subsampled_and_long_ones_cut(motion: HandMotion, fitted: HandReference) -> None:
     """120 Hz becomes 60 Hz: frames 0, 2, 4..."""
     twice = own_motion(shadow(), np.repeat(trajectory(shadow(), 60, seed=1), 2, axis=0), rate_hz=120.0)
-    (thin,), (plain,) = run(twice).references, run(motion).references
+    (thin,) = run(twice).references
     assert thin.rate_hz == 60.0
-    np.testing.assert_array_equal(thin.q, plain.q)
+    np.testing.assert_array_equal(thin.q, fitted.q)
     assert len(run(motion, max_frames=40).references[0].q) == 40
 
 
@@ -193,13 +202,12 @@ def test_acceleration_weight() -> None:
     assert shake[1] < 0.3 * shake[0] and found[1].error_m.mean() > found[0].error_m.mean()
 
 
-def test_a_hand_without_a_gantry(motion: HandMotion) -> None:
+def test_a_hand_without_a_gantry(motion: HandMotion, fitted: HandReference) -> None:
     """q contains the fingers only; the palm's pose locates the free root."""
     free: HandModel = shadow(wrist="none")
     (reference,) = hand_retarget.run(motion, free, PARAMS).references
-    (mounted,) = run(motion).references
-    np.testing.assert_allclose(reference.q, mounted.q[:, 6:], atol=1e-9)
-    np.testing.assert_allclose(reference.T_world_palm, mounted.T_world_palm, atol=1e-9)
+    np.testing.assert_allclose(reference.q, fitted.q[:, 6:], atol=1e-9)
+    np.testing.assert_allclose(reference.T_world_palm, fitted.T_world_palm, atol=1e-9)
 
 
 def test_report_counts_reasons(motion: HandMotion) -> None:

@@ -1,6 +1,8 @@
-"""PPO: the estimator against a plain loop, what an update may change, and that it learns."""
+"""PPO: GAE against its definition, RunningMeanStd, the bounds of an update, and learning."""
 
 from __future__ import annotations
+
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -9,6 +11,15 @@ import torch
 from afford.grasping.env.step_result import StepResult
 from afford.grasping.rl import ppo
 from afford.grasping.rl.ppo import ActorCritic, PolicyConfig, RunningMeanStd, gae, paper_config
+
+
+@pytest.fixture(autouse=True)
+def one_thread() -> Iterator[None]:
+    """Compute small networks in one thread, which is faster on busy cores."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
 
 
 class Reach:
@@ -45,8 +56,8 @@ def trained(updates: int, seed: int = 0) -> tuple[ActorCritic, list[dict[str, fl
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_advantages_are_what_the_definition_says(seed: int) -> None:
-    """The sum over what follows within the episode of (gamma lam)^k surprises, by a plain loop."""
+def test_gae_equals_its_definition(seed: int) -> None:
+    """Compare with a plain loop over the sum of (gamma lambda)^k TD errors within an episode."""
     rng = np.random.default_rng(seed)
     reward, value, after = rng.normal(size=(3, 9, 4))
     terminated = rng.random((9, 4)) < 0.2
@@ -65,15 +76,15 @@ def test_advantages_are_what_the_definition_says(seed: int) -> None:
     np.testing.assert_allclose(gae(reward, value, after, terminated, ended, gamma, lam), expected, atol=1e-12)
 
 
-def test_the_last_value_counts_after_a_time_limit_and_not_after_an_end() -> None:
-    """One step, value 0, what follows is worth 10."""
+def test_gae_bootstraps_after_a_time_limit_only() -> None:
+    """One step of value 0 and reward 1, followed by a value of 10: terminated, then truncated."""
     one = np.ones((1, 1))
     told = [gae(one, 0 * one, 10 * one, np.array([[end]]), np.array([[True]]), 0.5, 1.0)[0, 0] for end in (True, False)]
     assert told == [1.0, 6.0]
 
 
-def test_it_learns_to_reach() -> None:
-    """From what acting at random gets to near the best, and what it does is near the goal."""
+def test_ppo_learns_to_reach() -> None:
+    """The reward rises from that of random actions to near the best; actions are near the goal."""
     net, notes = trained(60)
     assert notes[0]["reward"] < -0.4 and notes[-1]["reward"] > -0.05
     goals = torch.tensor([[-0.8, 40.0], [0.0, 40.0], [0.7, 40.0]])
@@ -81,14 +92,14 @@ def test_it_learns_to_reach() -> None:
 
 
 def test_same_seed_same_weights() -> None:
-    """To the bit; another seed gives others."""
+    """Equal bit for bit; another seed gives other weights."""
     first, again, other = (trained(3, seed)[0].state_dict() for seed in (1, 1, 2))
     assert all(torch.equal(first[name], again[name]) for name in first)
     assert not torch.equal(first["actor.0.weight"], other["actor.0.weight"])
 
 
-def test_the_first_ratio_is_one() -> None:
-    """Before an update nothing has moved: no divergence, and an entropy that is that of the Gaussian."""
+def test_first_probability_ratio_is_one() -> None:
+    """KL divergence of 0 before an update, and the entropy of the Gaussian."""
     net, config = model(), ppo.PPOConfig(steps=4)
     envs = Reach(8, 0)
     rollout, _ = ppo.collect_rollout(envs, net, envs.reset(), config)
@@ -97,8 +108,8 @@ def test_the_first_ratio_is_one() -> None:
     assert scalars["entropy"] == pytest.approx(0.5 * np.log(2 * np.pi * np.e * net.config.std**2), abs=1e-4)
 
 
-def test_the_policy_stops_when_it_has_moved_too_far() -> None:
-    """With a tiny bound only the first step of the first pass changes it, while the critic goes on; without one all passes do."""
+def test_target_kl_stops_the_policy_but_not_the_critic() -> None:
+    """Tiny bound: only the first step changes the policy, and the critic continues; without a bound all passes change it."""
     for bound, expected in ((1e-9, 0.0), (0.0, 5.0)):
         net, config = model(), ppo.PPOConfig(steps=4, target_kl=bound, epochs=5, lr=0.05)
         envs, before = Reach(8, 0), model()
@@ -111,8 +122,8 @@ def test_the_policy_stops_when_it_has_moved_too_far() -> None:
 
 
 @pytest.mark.parametrize("sizes", [(5, 40), (1, 1, 3), (7,)])
-def test_running_moments_are_those_of_all_rows(sizes: tuple[int, ...]) -> None:
-    """In whatever portions they come."""
+def test_running_mean_std_equals_that_of_all_rows(sizes: tuple[int, ...]) -> None:
+    """The result does not depend on the sizes of the batches."""
     parts = [torch.randn(n, 3, generator=torch.Generator().manual_seed(n)) * 4 + 2 for n in sizes]
     running = RunningMeanStd(3)
     for part in parts:
@@ -122,8 +133,8 @@ def test_running_moments_are_those_of_all_rows(sizes: tuple[int, ...]) -> None:
     torch.testing.assert_close(running.var, rows.var(0, unbiased=False))
 
 
-def test_the_paper_has_these_widths() -> None:
-    """1024-1024-512-512 with ELU, spread 0.8, first actions near zero (AffordDex)."""
+def test_paper_config_of_the_networks() -> None:
+    """1024-1024-512-512 with ELU, standard deviation 0.8, first actions near zero (AffordDex)."""
     net = ActorCritic(paper_config(300, 24))
     assert [layer.out_features for layer in net.actor if isinstance(layer, torch.nn.Linear)] == [1024, 1024, 512, 512, 24]
     chosen = net.actions(torch.randn(16, 300))

@@ -58,8 +58,8 @@ def test_unknown_or_unordered_rows_are_rejected() -> None:
 def test_optional_rows_under_a_time_limit() -> None:
     """The first policy is recorded and the prior is an output; all other rows and their inputs are optional."""
     g = build("grasp-full", Origin("synthetic"), Settings())
-    spare = g.spare([g.node_of(handle) for handle in g.targets["grasp-full"]])
-    names = {node.name for node in g.stages() if node.id in spare}
+    optional = g.optional([g.node_of(handle) for handle in g.targets["grasp-full"]])
+    names = {node.name for node in g.stages() if node.id in optional}
     assert {"teacher_1", "student_0", "no_negative_0", "teacher_0_unseen_size_bullet", "teacher_naa_0_unseen_object_mujoco",
             "followed_train_bullet", "scorer_train", "teacher_0_two_tasks_bullet"} <= names
     assert not {"teacher_0", "teacher_0_train_bullet", "hand_imitation", "grasp_report", "grasp_record"} & names

@@ -1,4 +1,4 @@
-"""A teacher over a frozen prior: the sum, what stays as it was, and that a kill changes nothing."""
+"""Teacher over a frozen prior: residual actions, the frozen prior, exact resumption."""
 
 from __future__ import annotations
 
@@ -92,8 +92,8 @@ def test_residual_actions_are_added_within_bounds() -> None:
         np.testing.assert_allclose(envs.actions[step], (first.act(envs.obs[step]) + clipped).clip(-1, 1))
 
 
-def test_a_prior_sees_no_negative_points() -> None:
-    """Its columns are those of R, O and P; what stands in N does not change what it does."""
+def test_prior_does_not_observe_negative_points() -> None:
+    """Its columns are those of R, O and P; other values of N do not change its actions."""
     at, first = block_slices(obs_blocks("small", "teacher")), prior()
     one = np.random.default_rng(0).normal(size=(3, sum(block.width for block in obs_blocks("small", "teacher")))).astype(np.float32)
     other = one.copy()
@@ -103,8 +103,8 @@ def test_a_prior_sees_no_negative_points() -> None:
         FrozenPrior(ActorCritic(PolicyConfig(7, 24, (8,))), "small")
 
 
-def test_training_leaves_the_prior_as_it_was(tmp_path: Path) -> None:
-    """To the bit, also as it is written into the teacher's folder; the teacher itself has changed."""
+def test_training_leaves_the_prior_unchanged(tmp_path: Path) -> None:
+    """Bit for bit, also as written into the teacher's folder; the teacher itself has changed."""
     first, before = prior(), {name: tensor.clone() for name, tensor in prior().model.state_dict().items()}
     plan = train_teacher.TeacherTrainingConfig(0, 2, "small", 0.1, 0.3, ppo.PPOConfig(updates=2, steps=3, epochs=2))
     config = GraspEnvConfig(base="none", start="anywhere", steps=3, reward="dense")
@@ -117,8 +117,8 @@ def test_training_leaves_the_prior_as_it_was(tmp_path: Path) -> None:
     assert not torch.equal(untrained["actor.0.weight"], policy.teacher.state_dict()["actor.0.weight"])
 
 
-def test_killed_it_ends_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Within the second section of three; the same bytes as without; another seed gives others."""
+def test_killed_training_resumes_to_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Killed within the second of three sections; another seed gives other bytes."""
     monkeypatch.setattr(train_teacher, "SECTION", 1)
     whole = content(trained(tmp_path / "whole"))
     with pytest.raises(KeyboardInterrupt):
@@ -127,8 +127,8 @@ def test_killed_it_ends_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert content(trained(tmp_path / "other", seed=1)) != whole
 
 
-def test_what_it_leaves(tmp_path: Path) -> None:
-    """A policy that can be run again, with what must be known of its environment, and curves of every update."""
+def test_outputs_of_a_training(tmp_path: Path) -> None:
+    """A policy that can be loaded, the facts of its environment, and curves of every update."""
     made = trained(tmp_path / "run", lambda_n=0.0)
     policy = load_policy(made.files, {})
     assert policy.teacher is not None and policy.prior is None
@@ -145,11 +145,11 @@ def test_what_it_leaves(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("wrong", "says"), [
     (partial(trained, base="prior"), "a prior where base=prior"), (partial(trained, size="huge"), "small or paper, got 'huge'"),
     (partial(trained, lambda_n=-1.0), "lambda_n of 0 or more"), (partial(trained, reward="best"), "got 'best'")])  # fmt: skip
-def test_what_cannot_be_is_said(tmp_path: Path, wrong: Callable[[Path], Trained], says: str) -> None:
+def test_wrong_parameters_are_refused(tmp_path: Path, wrong: Callable[[Path], Trained], says: str) -> None:
     with pytest.raises(ValueError, match=says):
         wrong(tmp_path / "run")
 
 
-def test_every_task_has_a_world() -> None:
+def test_tasks_have_at_least_one_world_each() -> None:
     for worlds, expected in ((2, 5), (6, 6)):
         assert stage._training_config(stage.Params(worlds=worlds), 5).worlds == expected

@@ -94,7 +94,7 @@ def test_stage_draws_both_tasks(tmp_path: Path) -> None:
     assert [file.name for file in shown.sheet.files] == ["two_tasks.png"] and shown.pairs.along_m.shape == (1, 2)
     args = (Policy({}, None, None), "x", "mujoco", FAST, 1, 1, 1, 0, lambda done, total: None)
     (_, trace), _ = evaluate_task_pairs(shadow(), (task.body,), *args)[1]
-    picture = GraspRenderer(shadow(), task, 160, 120).shoot(trace, 0).rgb.astype(int)
+    picture = GraspRenderer(shadow(), task, 160, 120).render(trace, 0).rgb.astype(int)
     red = (picture[..., 0] > 2 * picture[..., 1]) & (picture[..., 0] > 2 * picture[..., 2])
     assert red.sum() > 10 and NEGATIVE[0] > 2 * NEGATIVE[1]
     with pytest.raises(ValueError, match="no objects to grasp"):

@@ -113,11 +113,11 @@ def test_a_scripted_grasp_is_held_in_both() -> None:
     for engine in ("mujoco", "warp"):
         made = AffordanceGraspVector(2, shadow(), [make_task(tool(), ["shaft"])], engine=engine, base="script")
         made.reset(seed=0)
-        rows = [made._core.state().body]
+        rows = [made.core.state().body]
         for _ in range(39):
             made.step(np.zeros((2, 24)))
-            rows.append(made._core.state().body)
-        ends[engine] = np.array(rows), made._core.measures().goal_m
+            rows.append(made.core.state().body)
+        ends[engine] = np.array(rows), made.core.measures().goal_m
         made.close()
     first, second = ends["mujoco"], ends["warp"]
     assert first[0][:12, :, :3] == pytest.approx(second[0][:12, :, :3], abs=2e-3)

@@ -38,7 +38,7 @@ class Asked(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """What is sent back; `raw` in place of JSON."""
+    """Reply of the server; `raw` replaces the JSON."""
 
     status: int
     value: Any = None
@@ -48,7 +48,7 @@ class Answer(NamedTuple):
 
 @dataclass
 class ChatServer:
-    """Where it listens and what it was asked."""
+    """Address of the server, and the requests that it got."""
 
     url: str
     asked: list[Asked] = field(default_factory=list)

@@ -1,4 +1,4 @@
-"""Commands of afford, called in this process, and a source with a finished store to call them on."""
+"""Call commands of afford in this process; a source with a finished store to call them on."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ PER_RUN = ("dataset_pack", "record_dataset_pack")
 
 @dataclass(frozen=True)
 class Called:
-    """What a command said, and its exit code."""
+    """Output and exit code of a command."""
 
     code: int
     out: str
@@ -29,17 +29,17 @@ class Called:
 
     @property
     def json(self) -> Any:
-        """The object in the last line."""
+        """Object in the last line of the output."""
         return json.loads(self.out.splitlines()[-1])
 
     @property
     def words(self) -> str:
-        """Everything said, on one line (tables wrap)."""
+        """Complete output on one line, since tables wrap."""
         return " ".join((self.out + self.err).split())
 
 
 def call(*words: str | Path) -> Called:
-    """`python pipeline.py WORDS`."""
+    """Run `python pipeline.py WORDS`."""
     with redirect_stdout(io.StringIO()) as out, redirect_stderr(io.StringIO()) as err:
         code = main([str(word) for word in words])
     return Called(code, out.getvalue(), err.getvalue())
@@ -47,28 +47,28 @@ def call(*words: str | Path) -> Called:
 
 @dataclass(frozen=True)
 class Made:
-    """A tiny source, the store in which its targets were made, and what the first run of `dataset` printed."""
+    """A tiny source, the store of its targets, and the output of the first run of `dataset`."""
 
     source: Path
     store: Path
     first: dict[str, Any]
 
     def copy(self, folder: Path) -> Made:
-        """The same, for a test that breaks things."""
+        """Copy for a test that changes or breaks files."""
         source, store = folder / self.source.name, folder / "store"
         shutil.copytree(self.source, source)
         shutil.copytree(self.store, store)
         return Made(source, store, self.first)
 
     def run(self, target: str, *words: str) -> Called:
-        """`run TARGET` on this source, in this process, with JSON."""
+        """Run `run TARGET` on this source, in this process, with JSON."""
         return call("run", target, "--source", self.source, "--store", self.store, "--jobs", "0", "--json", *words)
 
     def ask(self, verb: str, *words: str | Path, source: bool = True) -> Called:
-        """Another verb on this store."""
+        """Run another verb on this store."""
         return call(verb, *words, *(["--source", self.source] if source else []), "--store", self.store)
 
     @property
     def traces(self) -> set[Path]:
-        """One file per task that was ever finished."""
+        """Trace files, one per finished task."""
         return set((self.store / "traces").glob("??/[!.]*.json"))

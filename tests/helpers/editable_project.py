@@ -1,4 +1,4 @@
-"""A project of a few modules that a test may edit, move about and run, each time in a process of its own."""
+"""Project of a few modules that a test may edit, move and run, each time in its own process."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class EditableProject:
         return cls(root)
 
     def play(self) -> tuple[int, str, list[str]]:
-        """Run it: tasks that ran, text that came out, reasons of what was planned to run."""
+        """Run the project: tasks that ran, text of the output, reasons of the planned tasks."""
         environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONDONTWRITEBYTECODE": "1"}
         done = subprocess.run([sys.executable, "main.py"], cwd=self.root, capture_output=True, text=True, env=environment)
         assert done.returncode == 0, done.stderr
@@ -35,7 +35,7 @@ class EditableProject:
         return int(ran), text, plans
 
     def move(self, old: str, new: str) -> None:
-        """Move a file or a folder, and adapt every import and every string that names it."""
+        """Move a file or a folder, and adapt every import and string that names it."""
         (self.root / new).parent.mkdir(parents=True, exist_ok=True)
         (self.root / old).rename(self.root / new)
         before, after = (name.removesuffix(".py").replace("/", ".") for name in (old, new))

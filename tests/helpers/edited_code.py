@@ -1,9 +1,9 @@
-"""Kinds of edit, each judged by running the code: does the output of a stage change, and does its fingerprint?
+"""Kinds of edit, each judged by running the code for its effect on the output and the fingerprint of a stage.
 
 A case is a few modules in one text; `<<old|new>>` in it is the edit, also in the name of a module. `judge()` writes every case
-before and after the edit, runs `stage.run` of both in processes of their own, and takes the fingerprints of `stage:run` and of
-`control:run`, which uses none of it. Where there is a module `outside`, its VALUE is what `run` is given, as the runner gives a
-stage its inputs.
+before and after the edit, runs `stage.run` of both in their own processes, and takes the fingerprints of `stage:run` and of
+`control:run`, which does not use the code. Where there is a module `outside`, `run` receives its VALUE, as a stage receives its
+inputs.
 """
 
 from __future__ import annotations
@@ -36,10 +36,10 @@ for folder in json.load(sys.stdin):
         sys.path.insert(0, folder)
         try:
             given = [importlib.import_module("outside").VALUE] if os.path.exists(folder + "/outside.py") else []
-            said = repr(importlib.import_module("stage").run(*given))
+            result = repr(importlib.import_module("stage").run(*given))
         except Exception as error:
-            said = f"{type(error).__name__}: {error}"
-        print(json.dumps(said.replace(folder, "")), flush=True)
+            result = f"{type(error).__name__}: {error}"
+        print(json.dumps(result.replace(folder, "")), flush=True)
         os._exit(0)
     os.waitpid(child, 0)
 """
@@ -47,7 +47,7 @@ for folder in json.load(sys.stdin):
 
 @dataclass(frozen=True)
 class Case:
-    """One kind of edit: `want` says that the fingerprint follows it, that the code is refused, or that nothing may run again."""
+    """One kind of edit, with the expected result `want`: followed, refused, or same."""
 
     name: str
     want: str
@@ -55,7 +55,7 @@ class Case:
     select: dict[str, object] = field(default_factory=dict)
 
     def files(self, side: int) -> dict[str, str]:
-        """The modules before (1) and after (2) the edit."""
+        """Modules before (1) and after (2) the edit."""
         parts = re.split(r"^ *=== (.+)\n", self.text, flags=re.MULTILINE)
         texts = {name: textwrap.dedent(text) for name, text in zip(parts[1::2], parts[2::2], strict=True)}
 
@@ -67,18 +67,18 @@ class Case:
 
 @dataclass(frozen=True)
 class Verdict:
-    """What came of one case: 'right', 'over' (runs again for nothing), 'stale' (does not run again) or 'refused'."""
+    """Result of one case: 'right', 'over' (needless run), 'stale' (missing run) or 'refused'."""
 
     case: Case
     outcome: str
     outputs: tuple[str, str]
     message: str
     control: bool
-    """whether the fingerprint of the stage that uses none of it stays"""
+    """True if the fingerprint of the control stage stays"""
 
 
 def judge(folder: Path, cases: list[Case] | None = None) -> list[Verdict]:
-    """Every case, measured below an empty folder."""
+    """Measure every case below an empty folder."""
     cases = CASES if cases is None else cases
     roots = [(folder / f"{number}" / "old", folder / f"{number}" / "new") for number in range(len(cases))]
     for case, pair in zip(cases, roots, strict=True):
@@ -91,7 +91,7 @@ def judge(folder: Path, cases: list[Case] | None = None) -> list[Verdict]:
 
 
 def counts(verdicts: list[Verdict]) -> dict[str, int]:
-    """How many of each outcome."""
+    """Count the outcomes."""
     found = Counter(verdict.outcome for verdict in verdicts)
     return {outcome: found[outcome] for outcome in ("right", "refused", "over", "stale")} | {
         "control": sum(not verdict.control for verdict in verdicts)}
@@ -117,7 +117,7 @@ def _verdict(case: Case, roots: tuple[Path, Path], outputs: tuple[str, str]) -> 
 
 
 def _stage(result: str, *before: str) -> str:
-    """A stage that returns an expression."""
+    """Stage that returns an expression."""
     return "\n".join(("=== stage.py", *before, "def run(x=3):", f"    return {result}", ""))
 
 

@@ -1,4 +1,4 @@
-"""Toy stores that hold every kind of file, one way to damage each, and steps in processes that are killed when they hang."""
+"""Toy stores with every kind of file, ways to damage each, and steps in processes that are killed when they hang."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def run(file: Outside) -> Word:
 
 
 class NoEndError(Exception):
-    """A step that did not end, or whose process died."""
+    """A step did not end, or its process died."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ class FlippedStore:
         return self.folder / "log"
 
     def write(self) -> FlippedStore:
-        """The code and the outside file, old enough for digests and parsed modules to be remembered."""
+        """Write the code and the outside file, old enough for digests and parsed modules to be remembered."""
         shutil.copytree(TOY, self.code / "toy", ignore=shutil.ignore_patterns("__pycache__"))
         (self.code / "toy" / "measure.py").write_text(MEASURE)
         (self.folder / "outside.bin").write_bytes(b"x" * 1000)
@@ -81,12 +81,12 @@ class FlippedStore:
         return self
 
     def edit(self, mark: str) -> None:
-        """Another constant in a helper of `shout`."""
+        """Change a constant in a helper of `shout`."""
         path = self.code / "toy" / "helper.py"
         path.write_text(re.sub('MARK = ".*"', f'MARK = "{mark}"', path.read_text()))
 
     def runner(self, jobs: int = 0, **more: Any) -> Runner:
-        """A runner of this process, which imports this project's own copy of the toy domain."""
+        """Open a runner in this process, which imports this project's own copy of the toy domain."""
         self.enter()
         return Runner(self.store, self.code, "toy.values:CODEC", None, jobs=jobs, **more)
 
@@ -100,7 +100,7 @@ class FlippedStore:
         os.environ["TOY_LOG"] = str(self.log)
 
     def graph(self, runner: Runner, sleep_s: float = 0.0) -> Graph:
-        """Every form of a graph: list, each, stage, pick, gather and collect; 8 tasks a word and 3 more."""
+        """Build a graph with every form of node: list, each, stage, pick, gather and collect; 8 tasks a word and 3 more."""
         join, measure, pair, shout, split, values = (
             importlib.import_module(f"toy.{name}") for name in ("join", "measure", "pair", "shout", "split", "values"))
         g, loud = Graph(), shout.Params(sleep_s=sleep_s)
@@ -121,7 +121,7 @@ class FlippedStore:
         return ()
 
     def expected(self, mark: str = "!") -> dict[str, list[str]]:
-        """The texts that a right run ends with."""
+        """Texts of a correct run."""
         loud = [f"{word}{i}".upper() + mark for word in self.words for i in range(2)]
         return {"last": [" ".join([*(text[:1] for text in loud), "1000"])],
                 "gathered": [f"{text[:1]} {text[1:]}" for text in loud], "echo": [word.upper() + mark for word in self.words]}
@@ -134,18 +134,18 @@ class FlippedStore:
     # -- steps, each for a process of its own ----------------------------------------------------------------------------
 
     def run(self, jobs: int = 0, sleep_s: float = 0.0, **more: Any) -> dict[str, Any]:
-        """What a run reports, and the texts of its outputs, read through the store."""
+        """Report of a run, and the texts of its outputs, read through the store."""
         runner = self.runner(jobs)
         report = runner.run(self.graph(runner, sleep_s), "all", **more)
         return {"ok": report.ok, "ran": dict(report.ran), "outputs": dict(report.outputs), "texts": self.texts(runner, report),
                 "failures": [f"{failure.stage} {failure.shard}: {failure.message}" for failure in report.failures]}
 
     def texts(self, runner: Runner, report: Any) -> dict[str, list[str]]:
-        """Output -> its texts."""
+        """Map each output to its texts."""
         return {stage: [runner.load(digest).text for _, digest in made] for stage, made in report.outputs.items()}
 
     def verify(self) -> bool:
-        """Whether everything is whole."""
+        """Return True when `verify` finds nothing."""
         return self.runner().verify().ok
 
     def failed(self) -> list[str]:
@@ -153,14 +153,14 @@ class FlippedStore:
         return sorted(row["shard"] for row in self.runner().failures())
 
     def keys(self) -> set[str]:
-        """Keys of all tasks as the code is now."""
+        """Keys of all tasks with the present code."""
         runner = self.runner()
         return {plan.key for plan in runner.plan(self.graph(runner), "all")}
 
     # -- damage ----------------------------------------------------------------------------------------------------------
 
     def files(self, kind: str) -> list[Path]:
-        """Every file of a kind."""
+        """Files of a kind."""
         if kind.startswith(".cache/"):
             found = self.store.glob(f"{kind}*")
         elif kind == "code":
@@ -182,17 +182,17 @@ class FlippedStore:
 
 
 def damage(path: Path, how: str, rng: random.Random) -> str:
-    """Damage a file, its modification time kept where it stays. Returns what was done."""
+    """Damage a file, and keep its modification time; return a description."""
     before, data = path.stat(), path.read_bytes()
     if how == "remove":
         path.unlink()
         return f"{path.name} removed"
-    spoilt, said = _spoilt(data, how, rng)
+    spoilt, change = _spoilt(data, how, rng)
     path.chmod(0o644)
     path.write_bytes(spoilt)
     path.chmod(before.st_mode & 0o7777)
     os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
-    return f"{path.name} {said}"
+    return f"{path.name} {change}"
 
 
 def _spoilt(data: bytes, how: str, rng: random.Random) -> tuple[bytes, str]:
@@ -211,8 +211,9 @@ def _spoilt(data: bytes, how: str, rng: random.Random) -> tuple[bytes, str]:
 
 
 def apart(work: Callable[..., Any], *args: Any, limit_s: float = LIMIT_S, **more: Any) -> Any:
-    """The result of a function, called in a process of its own; NoEndError when the process dies or is killed after `limit_s`,
-    RuntimeError with the traceback when the function raises.
+    """Call a function in its own process and return the result.
+
+    NoEndError when the process dies or is killed after `limit_s`, RuntimeError with the traceback when the function raises.
     """
     ours, theirs = multiprocessing.Pipe(duplex=False)
     process = multiprocessing.get_context("fork").Process(target=_answer, args=(theirs, work, args, more))
@@ -243,17 +244,17 @@ def _answer(pipe: Connection, work: Callable[..., Any], args: tuple[Any, ...], m
 
 
 def last_line(error: BaseException) -> str:
-    """The last line of a message."""
+    """Last line of a message."""
     return str(error).strip().splitlines()[-1]
 
 
 def healed(project: FlippedStore, kind: str, how: str, rng: random.Random, *, cache: bool, verify_first: bool) -> list[str]:
-    """Damage one file of a kind, run, and return what is wrong then; an empty list where the law holds.
+    """Damage one file of a kind, run, and return the problems; an empty list where the law holds.
 
-    cache: whether .cache stays. verify_first: whether `verify` runs before the run, and must report damage of stored files.
+    cache: keep .cache. verify_first: run `verify` before the run, which must report damage of stored files.
     """
     mark, wrong = "!", []
-    said = damage(rng.choice(project.files(kind)), how, rng)
+    change = damage(rng.choice(project.files(kind)), how, rng)
     if not cache:
         shutil.rmtree(project.store / ".cache")
     try:
@@ -274,16 +275,16 @@ def healed(project: FlippedStore, kind: str, how: str, rng: random.Random, *, ca
         wrong += [] if apart(project.verify) else ["verify after the run is not ok"]
     except (NoEndError, RuntimeError) as error:
         wrong.append(last_line(error))
-    return [f"{said}: {what}" for what in wrong]
+    return [f"{change}: {what}" for what in wrong]
 
 
 def settled(project: FlippedStore, kind: str, how: str, rng: random.Random) -> list[str]:
-    """Damage a file of former code that nothing uses any more, verify and run, undo the edit and run. Returns what is wrong."""
-    said, wrong = "", list[str]()
+    """Damage an unused file of previous code, verify and run, undo the edit and run; return the problems."""
+    change, wrong = "", list[str]()
     try:
         project.edit("??")
         apart(project.run)
-        said = damage(rng.choice(_former(project, kind)), how, rng)
+        change = damage(rng.choice(_former(project, kind)), how, rng)
         apart(project.verify)
         for mark in ("??", "!"):
             project.edit(mark)
@@ -291,11 +292,11 @@ def settled(project: FlippedStore, kind: str, how: str, rng: random.Random) -> l
             wrong += [] if apart(project.verify) else [f"{mark}: verify after the run is not ok"]
     except (NoEndError, RuntimeError) as error:
         wrong.append(last_line(error))
-    return [f"{said}: {what}" for what in wrong]
+    return [f"{change}: {what}" for what in wrong]
 
 
 def _former(project: FlippedStore, kind: str) -> list[Path]:
-    """Traces of no task of now, or blobs with a text of former code."""
+    """Traces of previous tasks, or blobs with a text of previous code."""
     if kind == "blob":
         return [path for path in project.files(kind) if b"!" in path.read_bytes()]
     keys = apart(project.keys)
@@ -303,7 +304,7 @@ def _former(project: FlippedStore, kind: str) -> list[Path]:
 
 
 def built(folder: Path, kind: str) -> FlippedStore:
-    """A finished store that holds files of a kind, with every cache written and believed."""
+    """Finished store that holds files of a kind, with every cache written and valid."""
     project = FlippedStore(folder, ("ab", "cd", "bad") if kind == "failure" else ("ab", "cd")).write()
     for _ in range(2):
         apart(project.run)

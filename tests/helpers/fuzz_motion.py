@@ -154,8 +154,8 @@ READERS: list[FuzzedReader] = [
     fuzzed("DexYCB npz", write_dexycb, dexycb.read),
     FuzzedReader("MANO npz", partial(write_mano, stored=False), read_mano, (SourceError,)),
     FuzzedReader("MANO npz, stored", partial(write_mano, stored=True), read_mano, (SourceError,)),
-    fuzzed("OakInk2 sequence", partial(write_oakink2, ending="npz"), oakink2.read_mano),
-    fuzzed("OakInk2 program", partial(write_oakink2, ending="json"), oakink2.read_mano),
+    fuzzed("OakInk2 sequence", partial(write_oakink2, ending="npz"), oakink2.read),
+    fuzzed("OakInk2 program", partial(write_oakink2, ending="json"), oakink2.read),
     FuzzedReader("OakInk2 pickle", write_annotation, read_annotation, (SourceError,)),
     fuzzed("UniDexGrasp list", write_splits, unidexgrasp.read),
 ]
@@ -195,5 +195,5 @@ def read_clips(path: Path) -> tuple[HandMotion, ...]:
 BOMBS: list[Bomb] = [
     Bomb("npz of 2.5 GB in 2 MiB", large_npz, read_clips, (SourceError,)),
     Bomb("list of 60,000 objects, the last twice", repeated_list, lambda path: unidexgrasp.read(folder_of(path)), (SourceError,)),
-    Bomb("program of 2,000 long primitives", repeated_primitives, lambda path: oakink2.read_mano(folder_of(path)), (SourceError,)),
+    Bomb("program of 2,000 long primitives", repeated_primitives, lambda path: oakink2.read(folder_of(path)), (SourceError,)),
 ]

@@ -1,4 +1,4 @@
-"""Linux' Landlock: from here on, this process can open only what is named. It holds for libraries written in C as well."""
+"""Linux Landlock: restrict the files that this process can open, also from C libraries."""
 
 from __future__ import annotations
 
@@ -14,13 +14,15 @@ OF_FILES, READ, LIST = 0b111, 0b1101, 0b1000  # execute, write and read; execute
 
 
 def available() -> bool:
-    """Whether the kernel has it, in a version that lets files be moved."""
+    """Return True when the kernel supports it, in a version that allows moving files."""
     return _call(CREATE_RULESET, None, 0, 1) >= 2
 
 
 def restrict(listable: Iterable[Path], readable: Iterable[Path], writable: Iterable[Path]) -> None:
-    """Folders whose names may be seen, files and folders that may be read, and folders in which everything is allowed;
-    OSError when the kernel refuses.
+    """Restrict this process to these folders and files.
+
+    Names in some folders may be listed, some files and folders may be read, and some folders allow everything. OSError when the
+    kernel refuses.
     """
     handled = struct.pack("Q", EVERYTHING)
     rules = _checked(_call(CREATE_RULESET, handled, len(handled), 0))

@@ -7,7 +7,7 @@ from pathlib import Path
 from afford.twohands.model.interface import ModelConfig, build
 from afford.twohands.model.model_folder import save_model
 from maps.settings import Origin, Settings
-from maps.twohands import compare
+from maps.twohands import benchmark_report
 from runner import Graph, Runner, RunReport
 from schemas.files import FileTree
 from stages.extraction import dataset_pack
@@ -36,7 +36,7 @@ def graph(folder: Path) -> Graph:
     origin = Origin("tiny", predictions=(other,))
     settings = Settings.of(benchmark=benchmark.Params(resamples=50))
     leaves = (g.leaf("cases", cases), g.leaf("data", data), g.leaf("model", model))
-    g.target("benchmark", compare(g, *leaves, origin, settings))
+    g.target("benchmark", benchmark_report(g, *leaves, origin, settings))
     return g
 
 

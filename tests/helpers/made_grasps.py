@@ -44,7 +44,7 @@ def measured(**given: Any) -> Measures:
 
 
 def reference(hand: HandModel, frames: int = 90, seed: int = 0) -> HandReference:
-    """Build a gentle motion of the hand above the table, in the form of a retargeted clip."""
+    """Slow motion of the hand itself above the table, in the form of a retargeted clip."""
     q = trajectory(hand, frames, seed, share=0.3)
     q[:, 2] += 0.6
     T, zero = forward_kinematics(hand.joints, q), np.zeros((len(hand.fingers.name), 3))

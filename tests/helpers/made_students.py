@@ -41,7 +41,7 @@ def rngs(core: GraspWorlds, seed: int = 0) -> list[np.random.Generator]:
 
 
 def put(core: GraspWorlds, **state: np.ndarray) -> None:
-    """Some of the state as if the engine had said so."""
+    """Replace fields of the state, as if the engine had reported them."""
     core._state = replace(core.state(), **state)  # type: ignore[arg-type]  # fields of State
 
 
@@ -54,10 +54,10 @@ def crumb() -> Task:
 
 
 def teacher(folder: Path, **facts: Any) -> FileTree:
-    """The files of one that has learned nothing."""
+    """Files of an untrained teacher."""
     torch.manual_seed(0)
     config = GraspEnvConfig(**{"start": "anywhere", "base": "script", **facts})
     width = sum(block.width for block in obs_blocks(config.layout, "teacher"))
-    facts_ = {name: getattr(config, name) for name in ENVIRONMENT}
-    policy_files.write_policy(folder, ActorCritic(PolicyConfig(width, 24, (16,))), facts_)
+    known = {name: getattr(config, name) for name in ENVIRONMENT}
+    policy_files.write_policy(folder, ActorCritic(PolicyConfig(width, 24, (16,))), known)
     return tree("teacher", folder)

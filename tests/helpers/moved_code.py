@@ -1,6 +1,6 @@
-"""Code that moves, and names that lead elsewhere: kinds of edit for `tests/helpers/edited_code.py`.
+"""Moved code and names that refer to other code: kinds of edit for `tests/helpers/edited_code.py`.
 
-What moves with the imports of it adapted changes no fingerprint; a name that stands for something else does.
+Moving code with its imports adapted changes no fingerprint; a name that refers to something else does.
 """
 
 from __future__ import annotations

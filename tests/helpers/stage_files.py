@@ -1,4 +1,4 @@
-"""Every stage of the project: its name, and the module that holds it."""
+"""Stages of the project: name -> module."""
 
 from __future__ import annotations
 

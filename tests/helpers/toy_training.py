@@ -45,9 +45,9 @@ class Toy:
 
 
 def no_progress(done: int, total: int) -> None:
-    """Nothing to show."""
+    """Report no progress."""
 
 
 def bytes_of(model: nn.Module) -> bytes:
-    """All weights and buffers."""
+    """Bytes of the weights and buffers."""
     return b"".join(tensor.numpy().tobytes() for tensor in model.state_dict().values())

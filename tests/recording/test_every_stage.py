@@ -1,4 +1,4 @@
-"""Every stage of every target leaves a recording, or a reason why another recording shows what it made."""
+"""Recordings of the stages of all targets: each stage has one, or a reason why another recording shows its output."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ ELSEWHERE = {"grasp_candidates", "grasp_compare", "grasp_compare_report"}
 
 
 def settings() -> Settings:
-    """With everything that a setting adds to a graph."""
+    """Settings with everything that adds stages to a graph."""
     usual = Settings()
     judge = usual.grasping.grasp_judge
     return usual.with_stages(
@@ -66,7 +66,7 @@ def settings() -> Settings:
 
 
 def graphs() -> Iterator[tuple[str, Graph]]:
-    """Every target without a source, and with one that brings stages of its own."""
+    """Graphs of all targets without a source, and with a source that adds stages."""
     chosen, none = settings(), FileTree("a", ())
     for target in TARGETS:
         if target != "all":
@@ -102,22 +102,22 @@ def built() -> list[tuple[str, Graph]]:
     return list(graphs())
 
 
-def test_a_stage_of_a_target_is_recorded_or_says_why_not(built: list[tuple[str, Graph]]) -> None:
-    """By its function: what one target records, another that has the stage too need not record again."""
+def test_stages_of_targets_are_recorded_or_have_a_reason(built: list[tuple[str, Graph]]) -> None:
+    """Stages are identified by their function: one target's recording serves the other targets of the stage."""
     recorded = set().union(*(shown(graph) for _, graph in built))
     found = {function(node): target for target, graph in built for node in graph.stages()}
     assert not {stage: target for stage, target in found.items() if stage not in recorded | RECORDERS | EXCEPTIONS.keys()}
 
 
 def test_the_exceptions_are_needed(built: list[tuple[str, Graph]]) -> None:
-    """None of a stage that is recorded, or gone; every stage but those of commands is in a target."""
+    """No reason for a stage that is recorded or gone; every stage but those of commands is in a target."""
     assert not EXCEPTIONS.keys() & set().union(*(shown(graph) for _, graph in built))
     found = {function(node) for _, graph in built for node in graph.stages()}
     assert EXCEPTIONS.keys() <= found and found >= RECORDERS
     assert found == MODULES.keys() - ELSEWHERE
 
 
-def test_every_training_is_recorded_with_its_parameters(built: list[tuple[str, Graph]]) -> None:
+def test_trainings_are_recorded_with_their_parameters(built: list[tuple[str, Graph]]) -> None:
     """Curves are below the name of the stage, and its parameters go with them."""
     trained = {node.name: node.params for _, graph in built for node in graph.stages() if hasattr(node.params, "parameters")}
     for stage in ("model_train", "sor3d_train", "sor3d_pretrain", "boxes_train", "hands_train", "scorer_train", "hand_imitation",

@@ -30,15 +30,15 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return made.files[0].path
 
 
-def test_it_is_told_what_it_holds(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """--strict finds nothing wrong; it says where it comes from."""
+def test_inspect_summarises_a_recording_of_grasps(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """--strict finds no problem; the provenance is listed."""
     assert main(["inspect", str(recording), "--strict", "--json"]) == 0
     (told,) = json.loads(capsys.readouterr().out)["recordings"]
     assert told["ok"] and {"provenance/grasp_evaluate", "provenance/hand_model"} == set(told["metadata"])
 
 
-def test_a_sheet_shows_each_episode(recording: Path, tmp_path: Path) -> None:
-    """A line of words and a strip of moments; the hand moves from one to the next."""
+def test_sheet_has_a_strip_for_each_episode(recording: Path, tmp_path: Path) -> None:
+    """A title and a strip of moments; the hand moves from one to the next."""
     assert main(["inspect", str(recording), "--sheet", str(tmp_path / "sheet.png")]) == 0
     sheet = cv2.imread(str(tmp_path / "sheet.png")).astype(int)
     tall = TITLE_H + round(72 * GRASP_SIDE / 96) + GAP
@@ -47,8 +47,8 @@ def test_a_sheet_shows_each_episode(recording: Path, tmp_path: Path) -> None:
     assert all(np.abs(strip[:, k] - strip[:, k + 1]).mean() > 0.5 for k in range(4))
 
 
-def test_rerun_gets_meshes_in_a_room(recording: Path, tmp_path: Path) -> None:
-    """--save: links and object with their transforms and meshes, the camera with its picture, curves, words."""
+def test_rerun_file_has_meshes_and_curves(recording: Path, tmp_path: Path) -> None:
+    """--save: links and object with their transforms and meshes, the camera with its picture, curves, text."""
     out = tmp_path / "grasps.rrd"
     assert main(["inspect", str(recording), "--save", str(out)]) == 0
     from rerun.chunk import RrdReader
@@ -62,8 +62,8 @@ def test_rerun_gets_meshes_in_a_room(recording: Path, tmp_path: Path) -> None:
     assert {"/plots/how/goal_m", "/plots/force/thumb", "/plots/negative/rest", "/plots/reward/goal", "/log"} <= set(found)
 
 
-def test_a_layout_has_a_room_and_curves(recording: Path, tmp_path: Path) -> None:
-    """--layout: a 3D panel that shows the meshes, the picture, plots of numbers that messages have."""
+def test_layout_has_3d_panel_and_curves(recording: Path, tmp_path: Path) -> None:
+    """--layout: a 3D panel that shows the meshes, the picture, plots of message fields."""
     out = tmp_path / "layout.json"
     assert main(["inspect", str(recording), "--layout", str(out)]) == 0
     panels, topics = json.loads(out.read_text())["configById"], {topic.topic for topic in summarise(recording).topics}

@@ -49,8 +49,8 @@ def said(files: FileTree) -> dict[str, list[tuple[int, Any]]]:
     return found
 
 
-def test_it_is_whole(files: FileTree) -> None:
-    """As `inspect --strict` sees it, and Rerun."""
+def test_recording_is_intact(files: FileTree) -> None:
+    """No problem found by `inspect --strict` and Rerun."""
     assert [file.name for file in files.files] == [f"script-train-mujoco.{kind}" for kind in ("mcap", "mp4", "png")]
     recorded = files.files[0].path
     assert check_file(recorded) == [] and check_content(recorded) == []
@@ -81,7 +81,7 @@ def test_the_numbers_are_those_of_the_traces(said: dict[str, list[tuple[int, Any
     assert said[STATE][-1][1].penetration_mm == 1000 * traces[-1].penetration_m[-1]
 
 
-def test_figures_are_told_of_all_episodes(said: dict[str, list[tuple[int, Any]]]) -> None:
+def test_figures_cover_all_episodes(said: dict[str, list[tuple[int, Any]]]) -> None:
     """JSON, with the name of each figure."""
     told, found = json.loads(said[FIGURES][0][1].text), episodes()
     assert told["policy"] == "script" and [one["task"] for one in told["episodes"]] == list(found.task)
@@ -107,8 +107,8 @@ def test_transforms_put_points_where_the_trace_has_them(said: dict[str, list[tup
         assert nearest(tip[None, None], (spots @ T[:3, :3].T + T[:3, 3])[None])[0].item() < 0.013
 
 
-def test_meshes_hang_on_their_frames(said: dict[str, list[tuple[int, Any]]]) -> None:
-    """Every link with a shape, then object and goal anew with each episode; the object's triangles by part."""
+def test_meshes_are_in_their_frames(said: dict[str, list[tuple[int, Any]]]) -> None:
+    """Links with a shape, then object and goal again with each episode; the object's triangles by part."""
     hand, scenes = shadow(), [value for _, value in said[SCENE]]
     assert [one.id for one in scenes[0].entities] == [f"hand/{hand.links[skin.link]}" for skin in link_meshes(hand)]
     assert [[one.id for one in value.entities] for value in scenes[1:]] == [["object", "goal"]] * 2
@@ -129,8 +129,8 @@ def test_pictures_have_their_camera(said: dict[str, list[tuple[int, Any]]]) -> N
     assert z > 0 and 32 < x / z < 64 and 0 < y / z < 36
 
 
-def test_the_film_and_the_sheet(files: FileTree) -> None:
-    """Two episodes beside each other; the last picture stays; the sheet has words and five moments of each."""
+def test_film_and_sheet(files: FileTree) -> None:
+    """Two episodes side by side; the last picture stays; the sheet has titles and five moments of each."""
     with av.open(str(files.files[1].path)) as film:
         frames = list(film.decode(video=0))
     assert len(frames) == len(episodes().traces[0].q) + 4 and (frames[0].width, frames[0].height) == (192, 72)
@@ -138,13 +138,13 @@ def test_the_film_and_the_sheet(files: FileTree) -> None:
     assert sheet.shape == (30 + 2 * 76, 190 + 5 * 100, 3) and sheet[30:, :190].std() > 10
 
 
-def test_the_same_again(files: FileTree, tmp_path: Path) -> None:
-    """The same bytes, all three."""
+def test_recording_is_deterministic(files: FileTree, tmp_path: Path) -> None:
+    """The same bytes, all three files."""
     again = grasp_record.run(shadow(), ((hammer(),),), episodes(), SMALL, Scratch(tmp_path))
     assert [file.digest for file in again.files] == [file.digest for file in files.files]
 
 
-def test_what_does_not_fit_is_refused(tmp_path: Path) -> None:
+def test_mismatched_inputs_are_refused(tmp_path: Path) -> None:
     """No trace, no task, another hand."""
     found, ctx = episodes(), Scratch(tmp_path)
     with pytest.raises(ValueError, match="expected traces of the tasks that are given, got no trace"):

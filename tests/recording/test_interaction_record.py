@@ -1,4 +1,4 @@
-"""The recording of an interaction: strict checks pass, every frame has what was seen and what was said of it."""
+"""Recording of an interaction: strict checks pass, every frame has its inputs and predictions."""
 
 from __future__ import annotations
 
@@ -54,15 +54,15 @@ def recorded(dataset: FileTree, model: Path, tmp_path_factory: pytest.TempPathFa
     return files.files[0].path
 
 
-def test_it_is_whole_and_complete(recorded: Path) -> None:
-    """As `inspect --strict` sees it; its pictures and the curves of the actions have panels."""
+def test_recording_is_intact_and_has_panels(recorded: Path) -> None:
+    """No problem found by `inspect --strict`; its pictures and the curves of the actions have panels."""
     assert check_file(recorded) == [] and check_content(recorded) == []
     panels = json.dumps(layout(summarise(recorded)))
     assert all(f"{ACTION}.{name}" in panels for name in AFFORDANCES) and ATTENTION in panels
 
 
-def test_every_frame_has_what_was_seen_and_said(recorded: Path, model: Path) -> None:
-    """Depth in millimetres, the motion that led to the frame, the labels and the action of the sequence that ends there."""
+def test_frames_have_inputs_and_predictions(recorded: Path, model: Path) -> None:
+    """Depth in millimetres, the motion that led to the frame, labels and action of the sequence that ends there."""
     predictor, shown = Predictor(model / "model"), list(moments(recorded))
     seen = predictor.inputs_of_clip(CLIP, MOTION)
     assert [moment.time_ns for moment in shown] == [n * 100_000_000 for n in range(FRAMES)]
@@ -88,8 +88,8 @@ def test_the_sheet_is_that_of_inspect(recorded: Path, tmp_path: Path) -> None:
     assert np.array_equal(page, cv2.imread(str(recorded.with_suffix(".png")))) and page.shape[0] > 7 * 150 and page.std() > 20
 
 
-def test_of_a_part_as_many_as_asked(dataset: FileTree, model: Path, tmp_path: Path) -> None:
-    """All of them for 0; a part that is not there, or a rate of 0, is refused."""
+def test_number_of_recorded_sequences(dataset: FileTree, model: Path, tmp_path: Path) -> None:
+    """0 records all of the split; an unknown split, or a rate of 0, is refused."""
     usual = interaction_record.Params()
     flat = tree("sor3d", write_model(tmp_path / "flat", "rgb").parent / "flat")
     found = interaction_record.run(dataset, flat, replace(usual, shown=0), Scratch(tmp_path / "all"))
@@ -102,7 +102,7 @@ def test_of_a_part_as_many_as_asked(dataset: FileTree, model: Path, tmp_path: Pa
 
 
 def test_the_flow_of_another_sequence_is_refused() -> None:
-    """By name."""
+    """The error names the sequence."""
     with pytest.raises(ValueError, match="expected its own scene flow"):
         sequence_of(CLIP, interaction(1, "val")[1], "3d")
 
@@ -116,6 +116,6 @@ def test_rerun_gets_pictures_and_curves(recorded: Path, tmp_path: Path) -> None:
     found: dict[str, set[str]] = {}
     for chunk in RrdReader(out).stream():
         found.setdefault(str(chunk.entity_path), set()).update(chunk.to_record_batch().schema.names)
-    assert {"/frame/image", "/said/affordance", "/confident/affordance", "/truth/affordance", "/attention", "/motion", "/log",
+    assert {"/frame/image", "/likeliest/affordance", "/confident/affordance", "/truth/affordance", "/attention", "/motion", "/log",
             *(f"/action/{name}" for name in AFFORDANCES)} <= set(found)  # fmt: skip
-    assert "DepthImage:meter" in found["/depth"] and "EncodedImage:blob" in found["/said/image"]
+    assert "DepthImage:meter" in found["/depth"] and "EncodedImage:blob" in found["/likeliest/image"]

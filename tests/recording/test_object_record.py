@@ -32,13 +32,13 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return files.files[0].path
 
 
-def test_it_is_whole_and_complete(recorded: Path) -> None:
-    """As `inspect --strict` sees it."""
+def test_recording_is_intact(recorded: Path) -> None:
+    """No problem found by `inspect --strict`."""
     assert check_file(recorded) == [] and check_content(recorded) == []
 
 
-def test_every_view_has_its_pictures(recorded: Path) -> None:
-    """View, candidates and one overlay for each task, of one size; overlays are transparent beside the object, red on the part."""
+def test_views_have_their_pictures(recorded: Path) -> None:
+    """View, candidates and one overlay for each task, of one size; overlays are transparent off the object, red on the part."""
     x, shown = looked(), list(moments(recorded))
     assert len(shown) == len(x.views.views)
     overlay = f"{NEGATIVE}/0_drive_a_screw/overlay"
@@ -55,8 +55,8 @@ def test_every_view_has_its_pictures(recorded: Path) -> None:
     assert large > 2
 
 
-def test_scores_and_words_are_told(recorded: Path) -> None:
-    """Candidates of each view with their shares; parts with their roles, task by task."""
+def test_scores_and_notes_are_recorded(recorded: Path) -> None:
+    """Candidates of each view with their shares; parts with their roles, per task."""
     x, first = looked(), next(iter(moments(recorded)))
     scores = json.loads(first.one(SCORES).text)
     assert len(scores) == (x.candidates.view == 0).sum() and set(scores[0]["share"]) == set(x.parts.names)

@@ -39,8 +39,8 @@ def test_an_episode_follows_the_curves(files: FileTree, tmp_path: Path) -> None:
     assert check_file(path) == check_content(path) == [] and made[0] == made[1]
 
 
-def test_what_cannot_be_recorded_is_named(files: FileTree, tmp_path: Path) -> None:
-    """No task to show it on; none are shown where none are asked for."""
+def test_policy_without_tasks_is_refused(files: FileTree, tmp_path: Path) -> None:
+    """No task for an episode; no episodes when none are requested."""
     with pytest.raises(ValueError, match="teacher-0: expected curves and tasks to record, got 1 curves and 0 tasks"):
         policy_record.run(shadow(), (), LOG, files, SMALL, Scratch(tmp_path))
     none = policy_record.run(shadow(), ((hammer(),),), LOG, files, policy_record.Params(episodes=0), Scratch(tmp_path))

@@ -41,8 +41,8 @@ def found() -> PositiveAffordances:
     return PositiveAffordances("cup", (one,))
 
 
-def test_both_hands_lie_over_the_views(views: ObjectViews, found: PositiveAffordances, tmp_path: Path) -> None:
-    """Each in its colour, transparent where no hand belongs and beside the object; points and taxonomy once."""
+def test_regions_of_both_hands_overlay_the_views(views: ObjectViews, found: PositiveAffordances, tmp_path: Path) -> None:
+    """Each in its colour, transparent without affordance and off the object; points and taxonomy once."""
     made = positive_record.run(views, found, positive_record.Params(), Scratch(tmp_path))
     path = made.files[0].path
     shown = list(moments(path))

@@ -50,7 +50,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_masks_come_back_exactly(recording: Path) -> None:
-    """What a viewer shows is the mask of the stage, 0 and 255, at the media time of its frame."""
+    """The displayed mask is the stage's mask, 0 and 255, at the media time of its frame."""
     tracks = outputs()["mask_densify"]
     found = list(moments(recording, ["/mask_densify/right_hand", "/mask_densify/mug_2"]))
     assert [m.time_ns for m in found] == [40_000_000 * n for n in range(1, T + 1)]
@@ -59,8 +59,8 @@ def test_masks_come_back_exactly(recording: Path) -> None:
         np.testing.assert_array_equal(moment.picture("/mask_densify/mug_2"), tracks.masks[3, t] * 255)
 
 
-def test_every_stage_has_its_topics(recording: Path) -> None:
-    """One namespace per stage; the words of the task are there for programs and for people."""
+def test_stages_have_topics_of_their_own(recording: Path) -> None:
+    """One namespace per stage; the task is recorded as a message and as a log line."""
     with open_recording(recording) as found:
         topics = {channel.topic for channel in found.channels}
         metadata = dict(found.metadata)
@@ -76,7 +76,7 @@ def test_every_stage_has_its_topics(recording: Path) -> None:
 
 
 def test_outlines_are_drawn_where_they_were_annotated(recording: Path) -> None:
-    """On decoded key frames alone, at the size of the frames; a pixel's centre is half a pixel from Foxglove's origin."""
+    """Decoded key frames only, at the size of the frames; a pixel's centre is half a pixel from Foxglove's origin."""
     (moment,) = moments(recording, ["/source_read/outlines"])
     drawn = moment.one("/source_read/outlines")
     assert moment.time_ns == 80_000_000 and [text.text for text in drawn.texts] == ["left hand", "mug"]
@@ -110,7 +110,7 @@ def test_files_of_a_run_are_recorded_as_they_are(tmp_path: Path) -> None:
 
 def test_files_without_anything_to_show_are_refused(tmp_path: Path) -> None:
     """A recording always shows something."""
-    with pytest.raises(ValueError, match="expected JSON, Markdown or pictures to record, got none among 1 files"):
+    with pytest.raises(ValueError, match="none of 1 files is JSON, Markdown or a picture"):
         run_record.run(written(tmp_path, {"x.parquet": b""}), run_record.Params("dataset_pack"), Ctx(tmp_path))
 
 

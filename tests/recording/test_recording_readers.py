@@ -54,8 +54,8 @@ const { loadDecompressHandlers } = require("@mcap/support"), { FileHandleReadabl
   const reader = await McapIndexedReader.Initialize(
     { readable: new FileHandleReadable(await fs.promises.open(path)), decompressHandlers });
   for await (const m of reader.readMessages({ validateCrcs: true })) indexed++;
-  const said = Number(reader.statistics.messageCount);
-  console.log(JSON.stringify({ streamed, indexed, said, schemas: [...schemas] }));
+  const stated = Number(reader.statistics.messageCount);
+  console.log(JSON.stringify({ streamed, indexed, stated, schemas: [...schemas] }));
 })().catch((e) => { console.error(String(e)); process.exit(1); });
 """
 
@@ -73,7 +73,7 @@ def test_the_javascript_reader_agrees(recording: Path, tmp_path: Path) -> None:
     (tmp_path / "read.js").write_text(READ_JS)
     done = subprocess.run(["node", "read.js", recording], cwd=tmp_path, capture_output=True, text=True, check=True)
     found = json.loads(done.stdout)
-    assert found["streamed"] == found["indexed"] == found["said"] > 100 and "foxglove.CompressedImage" in found["schemas"]
+    assert found["streamed"] == found["indexed"] == found["stated"] > 100 and "foxglove.CompressedImage" in found["schemas"]
     damaged = bytearray(recording.read_bytes())
     damaged[len(damaged) // 3] ^= 4
     (tmp_path / "bad.mcap").write_bytes(damaged)

@@ -43,7 +43,7 @@ def whole(path: Path) -> bool:
 
 @pytest.fixture
 def files(tmp_path: Path) -> FileTree:
-    """What a training with one preview leaves."""
+    """Files of a training with one preview."""
     (tmp_path / "files" / "previews").mkdir(parents=True)
     (tmp_path / "files" / "previews" / "step_0000002.jpg").write_bytes(jpeg(np.full((24, 32, 3), 90, np.uint8)))
     return tree("toy", tmp_path / "files")
@@ -59,12 +59,12 @@ def test_topics_are_those_of_the_stage(files: FileTree, tmp_path: Path) -> None:
     about = metadata(path)
     assert about["parameters/hands_train"] == {"lr": "0.003", "steps": "2"} and about["provenance/hands_train"]["artifact"]
     assert whole(path)
-    with pytest.raises(ValueError, match="toy: expected curves to record, got none"):
+    with pytest.raises(ValueError, match="toy: no curves to record"):
         training_record.run(replace(LOG, curves=()), files, training_record.Params(), Scratch(tmp_path))
 
 
-def test_what_comes_after_the_last_step_keeps_its_own_pace() -> None:
-    """Episodes and sheets follow the curves in time; a line of the log goes with the first of their frames."""
+def test_previews_after_the_last_step_keep_their_rate() -> None:
+    """Episodes and sheets follow the curves in time; a log line goes with the first of their frames."""
     shown = [Preview(EPOCH_NS + 10**9 * n, b"\xff\xd8\xff", "begin" if n == 1 else "") for n in (1, 2)]
     recording = record_training(LOG, "x", shown)
     late = [message.topic for message in recording.messages if message.time_ns >= EPOCH_NS + 10**9]
@@ -72,8 +72,8 @@ def test_what_comes_after_the_last_step_keeps_its_own_pace() -> None:
     assert not any(one.topic == "/x/preview" for one in record_training(LOG, "x", []).channels)
 
 
-def test_a_scorer_is_shown_on_what_judges(tmp_path: Path) -> None:
-    """A sheet for each object of validation, none of those it learned from; the sheet of the recording has curves too."""
+def test_scorer_is_shown_on_validation_objects(tmp_path: Path) -> None:
+    """A sheet for each validation object, none of training; the sheet of the recording has curves too."""
     model = parts.init_scorer(PartScorerConfig(), 0)
     root = parts_files.save_scorer(tmp_path, model, "card")
     rng = np.random.default_rng(0)

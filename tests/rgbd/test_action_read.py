@@ -18,8 +18,8 @@ def test_actions_become_clips(tmp_path) -> None:
     assert (clip.depth_m == 1.0).all()
 
 
-def test_a_clip_with_a_gap_in_depth_has_none(tmp_path) -> None:
-    """Rather than half of it."""
+def test_clip_with_a_gap_in_depth_has_no_depth(tmp_path) -> None:
+    """One missing depth frame removes the depth of the clip."""
     utkinect(tmp_path)
     (tmp_path / "depth" / "s01_e01" / "depthImg12.xml").unlink()
     (clip,) = action_read.run(folder(tmp_path, "utkinect"), action_read.Params(size_px=16))
@@ -27,7 +27,7 @@ def test_a_clip_with_a_gap_in_depth_has_none(tmp_path) -> None:
 
 
 def test_an_action_that_states_more_frames_than_there_are_has_those(tmp_path) -> None:
-    """In the time that they take, not in that of the numbers."""
+    """Spread over the available frames, not over the stated numbers."""
     utkinect(tmp_path)
     (whole,) = action_read.run(folder(tmp_path, "utkinect"), action_read.Params(size_px=16))
     (tmp_path / "actionLabel.txt").write_text(f"s01_e01\nwalk: 0 {10**18}\n")
@@ -35,7 +35,7 @@ def test_an_action_that_states_more_frames_than_there_are_has_those(tmp_path) ->
     assert np.array_equal(clip.rgb, whole.rgb)
 
 
-@pytest.mark.parametrize(("name", "text", "said"), [
+@pytest.mark.parametrize(("name", "text", "message"), [
     ("actionLabel.txt", "s01_e01\nwalk: 3\n", "line 2: expected action: first last"),
     ("actionLabel.txt", b"s01_e01\nwalk\xff: 3 9\n", "actionLabel.txt: expected text in UTF-8"),
     ("actionLabel.txt", f"s01_e01\nwalk: {10**17} {10**18}\n", "colorImg<number>.jpg of an action"),
@@ -45,9 +45,9 @@ def test_an_action_that_states_more_frames_than_there_are_has_those(tmp_path) ->
     ("depth/s01_e01/depthImg10.xml", "<a><width>8</width>", "as many numbers in data"),
     ("depth/s01_e01/depthImg10.xml", "<!DOCTYPE a><a/>", "expected plain XML"),
 ])  # fmt: skip
-def test_faults(name: str, text: str | bytes, said: str, tmp_path) -> None:
-    """One sentence each."""
+def test_errors_name_the_file(name: str, text: str | bytes, message: str, tmp_path) -> None:
+    """Each error is one sentence."""
     utkinect(tmp_path)
     (tmp_path / name).write_bytes(text if isinstance(text, bytes) else text.encode())
-    with pytest.raises(SourceError, match=said):
+    with pytest.raises(SourceError, match=message):
         action_read.run(folder(tmp_path, "utkinect"), action_read.Params(size_px=16))

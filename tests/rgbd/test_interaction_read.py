@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from afford.common.errors import SourceError
-from afford.dataset.sor3d_layout import colour_label, discover_sequences, label_of_colours, read_views, write_sequence, write_views
+from afford.dataset.sor3d_layout import colour_label, discover_sequences, label_of_colours, read_views, write_sequence
 from afford.rgbd.readers.sor3d import sample_slots
 from schemas.interaction import AFFORDANCES, BACKGROUND, COLOURS_BGR
 from stages.rgbd import interaction_read
@@ -31,8 +31,8 @@ def back(root, params=READ):
 
 @settings(max_examples=12, deadline=None)
 @given(st.sampled_from(AFFORDANCES), st.integers(0, 99), st.integers(5, 40), st.integers(5, 40), st.sampled_from(("train", "val")))
-def test_what_is_written_is_read(tmp_path_factory, affordance, seed, height, width, split) -> None:
-    """Colours and masks exactly, depth to the millimetre that it is in, K exactly, hot spots to a pixel of 1920 x 1080."""
+def test_written_sequences_are_read_back(tmp_path_factory, affordance, seed, height, width, split) -> None:
+    """Colours and masks exactly, depth to its millimetre, K exactly, hot spots to a pixel of 1920 x 1080."""
     made = clip(affordance, seed, height=height, width=width, split=split)
     root = tmp_path_factory.mktemp("root")
     write_sequence(made, root)
@@ -45,8 +45,8 @@ def test_what_is_written_is_read(tmp_path_factory, affordance, seed, height, wid
 
 
 @given(st.integers(1, 400))
-def test_ten_frames_end_with_the_last(count: int) -> None:
-    """Of any number; in order, evenly, black ones in front only."""
+def test_slots_end_with_the_last_frame(count: int) -> None:
+    """Ten slots of any number of frames; in order, evenly, black frames in front only."""
     found = sample_slots(count)
     real = [k for k in found if k >= 0]
     assert len(found) == 10 and found[-1] == count - 1
@@ -108,8 +108,8 @@ def test_frames_without_zeros_in_front_keep_their_order(tmp_path) -> None:
 
 
 def test_views_are_read_back(tmp_path) -> None:
-    """And a wrong line is named."""
-    write_views({"Subject1": 2, "Subject20": 1}, tmp_path)
+    """The error names a wrong line."""
+    (tmp_path / "views_id.txt").write_text("Subject1\t2\nSubject20\t1\n")
     assert read_views(tmp_path) == {"Subject1": 2, "Subject20": 1}
     (tmp_path / "views_id.txt").write_text("Subject1\t4\n")
     with pytest.raises(SourceError, match="line 1: expected SubjectN, a tab, and 1, 2 or 3"):
@@ -157,8 +157,8 @@ FAULTS = {
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_what_is_wrong_is_said_in_one_sentence(fault: str, tmp_path) -> None:
-    """With the file and what was expected."""
+def test_errors_name_file_and_expectation(fault: str, tmp_path) -> None:
+    """One sentence each."""
     name, spoil, said = FAULTS[fault]
     folder = write_sequence(clip(), tmp_path)
     spoil(folder / name)
@@ -178,8 +178,8 @@ SHRUNK_FAULTS = {
 
 
 @pytest.mark.parametrize("fault", SHRUNK_FAULTS)
-def test_sizes_are_compared_before_they_are_made_alike(fault: str, tmp_path) -> None:
-    """grid=stcae makes every picture 640 x 360: what does not lie on the grid of the colours must not slip through."""
+def test_sizes_are_compared_before_resizing(fault: str, tmp_path) -> None:
+    """grid=stcae resizes every picture to 640 x 360: files on another grid than the colours must not pass."""
     name, spoil, said = SHRUNK_FAULTS[fault]
     folder = write_sequence(clip(height=36, width=64), tmp_path)
     (folder / "camera.json").unlink()
@@ -190,7 +190,7 @@ def test_sizes_are_compared_before_they_are_made_alike(fault: str, tmp_path) -> 
 
 
 def test_folders_of_other_names_are_refused(tmp_path) -> None:
-    """No root; an affordance that is none; a name in both splits; a link out of the root."""
+    """No root; an unknown affordance; a name in both splits; a link out of the root."""
     with pytest.raises(SourceError, match="no such folder"):
         discover_sequences(tmp_path, digest)
     write_sequence(replace(clip(), name="Subject1_juggle_knife"), tmp_path / "a")
@@ -208,7 +208,7 @@ def test_folders_of_other_names_are_refused(tmp_path) -> None:
 
 
 def test_too_few_files_and_parameters_out_of_range(tmp_path) -> None:
-    """Frames have to be there; words have to be known."""
+    """Frames must exist; parameter values must be known."""
     folder = write_sequence(clip(), tmp_path)
     (files,) = discover_sequences(tmp_path, digest)
     for k in (1, 2, 3):

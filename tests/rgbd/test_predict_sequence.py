@@ -48,8 +48,8 @@ def said(folder: Path) -> dict:
     return json.loads((folder / "prediction.json").read_text())
 
 
-def test_a_sequence_gives_labels_and_everything_in_numbers(store: Path, shown: Path, tmp_path: Path) -> None:
-    """The same as the Python API; labels at the picture's own size, background beside the square; numbers agree with pictures."""
+def test_prediction_files_of_a_sequence(store: Path, shown: Path, tmp_path: Path) -> None:
+    """Same values as the Python API; labels at the picture's size, background outside the square; numbers agree with pictures."""
     done = predict(store, shown / "rgb", tmp_path / "out", "--depth", shown / "depth", "--focal-px", "45", "--threshold", "0.2")
     assert done.code == 0 and [one["folder"] for one in done.json["predictions"]] == ["rgb"], done.err
     folder = tmp_path / "out" / "rgb"
@@ -71,8 +71,8 @@ def test_a_sequence_gives_labels_and_everything_in_numbers(store: Path, shown: P
     assert kept["attention"].sum() == pytest.approx(1, abs=1e-5) and told["model"]["digest"] == done.json["model"]["digest"]
 
 
-def test_without_depth_it_says_so_and_goes_on(store: Path, shown: Path, tmp_path: Path) -> None:
-    """One line; nothing moves then, for a model that looks at motion in space."""
+def test_prediction_without_depth_warns(store: Path, shown: Path, tmp_path: Path) -> None:
+    """One line; for a model with motion in space nothing moves then."""
     done = predict(store, shown / "rgb", tmp_path / "out")
     assert done.code == 0 and "no depth" in done.err and said(tmp_path / "out" / "rgb")["flow"] == "none"
     flat = write_model(tmp_path / "flat", "rgb_attention_flow2d")
@@ -80,8 +80,8 @@ def test_without_depth_it_says_so_and_goes_on(store: Path, shown: Path, tmp_path
     assert done.code == 0 and "no depth" not in done.err and said(tmp_path / "flow" / "rgb")["flow"] == "2d"
 
 
-def test_a_picture_is_a_sequence_of_one(store: Path, shown: Path, tmp_path: Path) -> None:
-    """The last frame as a file, with depth as metres in .npy, says what the static mode says."""
+def test_picture_is_a_sequence_of_one_frame(store: Path, shown: Path, tmp_path: Path) -> None:
+    """The last frame as a file, with depth as metres in .npy, gives the prediction of static mode."""
     depth = tmp_path / "far.npy"
     np.save(depth, frames()[1][-1])
     done = predict(store, shown / "rgb" / "0004.png", tmp_path / "out", "--depth", depth)
@@ -94,7 +94,7 @@ def test_a_picture_is_a_sequence_of_one(store: Path, shown: Path, tmp_path: Path
     assert np.allclose(kept, found.probability, atol=1e-6)
 
 
-def test_of_a_video_the_last_frame_is_labelled(store: Path, tmp_path: Path) -> None:
+def test_last_frame_of_a_video_is_labelled(store: Path, tmp_path: Path) -> None:
     """23 frames at 20 / s, sampled at 10 / s: 12 of them, or the last 5; the last one is the video's last."""
     video = write_video(tmp_path / "slide.mp4")
     for words, count in (("20", 12), ("5", 5)):
@@ -107,8 +107,8 @@ def test_of_a_video_the_last_frame_is_labelled(store: Path, tmp_path: Path) -> N
     assert np.array_equal(seen.clip.rgb, np.stack(shown))
 
 
-def test_frame_by_frame_each_one_is_the_last(store: Path, shown: Path) -> None:
-    """What is said of frame i of a sequence is what is said of the sequence that ends there."""
+def test_frames_are_predicted_as_the_last_one(store: Path, shown: Path) -> None:
+    """The prediction of frame i is that of the sequence that ends there."""
     predictor = Predictor(store / "models" / "sor3d" / "model")
     clip = footage.read_footage(shown / "rgb", shown / "depth", Lens(), Sampling(), SIZE).clip
     seen = predictor.inputs_of_clip(clip, scene_flow.run(clip, scene_flow.Params()))
@@ -129,7 +129,7 @@ def test_frames_without_zeros_in_front_keep_their_order(tmp_path: Path) -> None:
 
 
 def test_confidence_is_a_threshold(store: Path, shown: Path) -> None:
-    """At 0 every pixel shows its best affordance, at 0.999 none; between, exactly those above it."""
+    """Pixels show their best affordance at 0, none at 0.999; between, exactly those above it."""
     predictor = Predictor(store / "models" / "sor3d" / "model")
     clip = footage.read_footage(shown / "rgb", None, Lens(), Sampling(), SIZE).clip
     found = predictor.predict(predictor.inputs_of_clip(clip, None))
@@ -139,14 +139,14 @@ def test_confidence_is_a_threshold(store: Path, shown: Path) -> None:
     assert np.allclose(found.probability.sum(0), 1, atol=1e-5) and found.action.sum() == pytest.approx(1, abs=1e-5)
 
 
-def test_each_word_finds_its_own_kind_of_model(store: Path) -> None:
-    """The one published last, of the kind that is asked for."""
+def test_model_option_selects_the_latest_of_its_kind(store: Path) -> None:
+    """The model published last, of the requested kind."""
     assert model_folder.latest_model(store / "models", FORMAT) == store / "models" / "sor3d"
     assert model_folder.latest_model(store / "models") == store / "models" / "small"
 
 
-def test_the_camera_of_the_square(shown: Path) -> None:
-    """A point is seen at the same place of the scene before and after the cut and the resizing."""
+def test_camera_of_the_square(shown: Path) -> None:
+    """A point projects to the same place of the scene before and after cropping and resizing."""
     seen = footage.read_footage(shown / "rgb", shown / "depth", Lens(focal_px=50), Sampling(), SIZE)
     u, v = 20.0, 11.0
     ray = np.array([(u - 27.5) / 50, (v - 19.5) / 50, 1])
@@ -174,13 +174,13 @@ def test_a_wrong_call_is_refused(words: tuple[str, ...], hint: str, store: Path,
     assert not (tmp_path / "out").exists()
 
 
-def test_depth_is_for_models_that_look_at_it(store: Path, shown: Path, tmp_path: Path) -> None:
+def test_depth_is_refused_by_models_without_depth(store: Path, shown: Path, tmp_path: Path) -> None:
     """The two-hand model refuses it."""
     refused = call("predict", shown / "rgb" / "0001.png", "pour", "--out", tmp_path / "out", "--store", store, "--depth", shown)
     assert refused.code == 2 and "does not use depth" in refused.err
 
 
-def test_what_cannot_be_read_is_a_failure(store: Path, shown: Path, tmp_path: Path) -> None:
+def test_unreadable_input_is_a_failure(store: Path, shown: Path, tmp_path: Path) -> None:
     """Exit 1 and the file's name: no pictures, too few depths, depth of another size, no video."""
     (tmp_path / "empty").mkdir()
     (tmp_path / "film.mp4").write_bytes(b"no video")

@@ -49,8 +49,8 @@ def test_lift_is_the_motion_of_the_point() -> None:
     assert np.abs(found - motion).max() < 1e-5
 
 
-def test_it_errs_far_less_than_differencing(made: tuple[InteractionClip, np.ndarray]) -> None:
-    """At least 40 % below optical flow with the difference of depths: over all pixels, and over those that move alone."""
+def test_regularised_flow_beats_the_baseline(made: tuple[InteractionClip, np.ndarray]) -> None:
+    """Errors at least 40 % below optical flow with the difference of depths: over all pixels, and over moving pixels."""
     clip, motion = made
     ours, plain = error_m(clip, motion), error_m(clip, motion, backend="difference")
     moving = np.linalg.norm(motion, axis=-1) > 1e-4
@@ -58,8 +58,8 @@ def test_it_errs_far_less_than_differencing(made: tuple[InteractionClip, np.ndar
     assert ours[moving].mean() < 0.6 * plain[moving].mean()
 
 
-def test_what_is_at_rest_is_at_rest() -> None:
-    """Noise and holes alone make no motion."""
+def test_static_scene_has_no_motion() -> None:
+    """Noise and holes alone cause no motion."""
     rgb, depth_m, _ = made_rgbd.clip((made_rgbd.TABLE,), frames=3)
     found = scene_flow.run(clip_of(rgb, depth_m), PARAMS)
     assert (found.flow_m == 0).mean() > 0.99
@@ -81,8 +81,8 @@ def test_holes_give_no_nan(made: tuple[InteractionClip, np.ndarray], backend: st
     assert np.isfinite(found.flow_m).all() and np.isfinite(found.flow_px).all()
 
 
-def test_filling_keeps_what_was_measured(made: tuple[InteractionClip, np.ndarray]) -> None:
-    """Holes alone change, and what fills them lies between what was measured."""
+def test_fill_depth_keeps_measurements(made: tuple[InteractionClip, np.ndarray]) -> None:
+    """Holes get values between the measurements; measurements are unchanged."""
     clip = made[0]
     view = RgbdFrame(clip.rgb[0], clip.depth_m[0], clip.K)
     full, known = regularised.fill_depth(view), view.depth_m > 0
@@ -91,7 +91,7 @@ def test_filling_keeps_what_was_measured(made: tuple[InteractionClip, np.ndarray
 
 
 def test_smoothing_is_the_minimum_along_a_row() -> None:
-    """One row: the solve is that of the normal equations, and what is not believed is filled from both sides."""
+    """The solve of one row is that of the normal equations; pixels of weight 0 are filled from both sides."""
     rng = np.random.default_rng(1)
     values, near = rng.normal(size=(1, 6, 1)).astype(np.float32), np.ones((1, 5), np.float32)
     links = np.diag([1.0, 2, 2, 2, 2, 1]) - np.eye(6, k=1) - np.eye(6, k=-1)
@@ -105,7 +105,7 @@ def test_smoothing_is_the_minimum_along_a_row() -> None:
 
 
 def test_large_shifts_are_found() -> None:
-    """A picture moved by a third of its side, of which whole small pixels are what the search can tell."""
+    """A picture moved by a third of its side, in whole pixels of the small pictures of the search."""
     rng = np.random.default_rng(2)
     coarse = np.repeat(np.repeat(rng.random((28, 28, 3)).astype(np.float32), 4, 0), 4, 1)
     moved = np.roll(coarse, (12, -32), (0, 1))
@@ -137,8 +137,8 @@ def test_one_frame_has_no_flow(made: tuple[InteractionClip, np.ndarray]) -> None
     assert found.colour.shape == (0, *clip.label.shape, 3) and found.still.tolist() == [128] * 6
 
 
-def test_same_bytes_again(made: tuple[InteractionClip, np.ndarray]) -> None:
-    """Nothing is drawn at random."""
+def test_scene_flow_is_deterministic(made: tuple[InteractionClip, np.ndarray]) -> None:
+    """No random numbers are drawn."""
     first, second = (scene_flow.run(made[0], PARAMS) for _ in range(2))
     assert first.flow_m.tobytes() == second.flow_m.tobytes()
 
@@ -150,8 +150,8 @@ def test_bad_parameters(made: tuple[InteractionClip, np.ndarray], field: str, va
         scene_flow.run(made[0], changed(PARAMS, **{field: value}))
 
 
-def test_plain_differencing_is_plain(made: tuple[InteractionClip, np.ndarray]) -> None:
-    """Its motion along the axis is the difference of two measured depths, or nothing."""
+def test_baseline_is_the_difference_of_depths(made: tuple[InteractionClip, np.ndarray]) -> None:
+    """Its motion along the axis is the difference of two measured depths, or 0."""
     clip = made[0]
     views = [RgbdFrame(clip.rgb[n], clip.depth_m[n], clip.K) for n in (0, 1)]
     flow, _ = difference.between(*views, None)

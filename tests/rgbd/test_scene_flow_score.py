@@ -56,7 +56,7 @@ def test_sequences_add_up() -> None:
 
 
 def test_motion_on_the_image_is_measured_too() -> None:
-    """Half a pixel against two and a half over every pixel with a surface; those that move are told by their motion in space."""
+    """Half a pixel against two and a half over every pixel with a surface; moving pixels are those that move in space."""
     told = truth()
     found = scene_flow_score.run(flow(told, 0.0, 0.5), flow(told, 0.0, 2.5), told, PARAMS)
     assert (found.error_px, found.error_moving_px, found.plain_px, found.plain_moving_px) == (12, 6, 60, 30)

@@ -33,7 +33,7 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> FileTree:
 
 
 def saved(model: Sor3d, folder: Path) -> FileTree:
-    """As model_train leaves it."""
+    """Model files in the layout of sor3d_train."""
     checkpoint.save_model(model, folder / "model")
     return tree("rgb-0", folder)
 
@@ -44,8 +44,8 @@ def scores(dataset: FileTree, tmp_path_factory: pytest.TempPathFactory) -> Inter
     return sor3d_evaluate.run(dataset, model, sor3d_evaluate.Params(shown=2), Scratch(tmp_path_factory.mktemp("run")))
 
 
-def test_every_sequence_of_the_part_is_asked(scores: InteractionScores, dataset: FileTree) -> None:
-    """Their true pixels are counted alike in both modes; some answers are kept, whole."""
+def test_evaluation_covers_every_sequence_of_the_split(scores: InteractionScores, dataset: FileTree) -> None:
+    """True pixels are counted alike in both modes; some answers are kept in full."""
     assert scores.clip == tuple(f"val_{n:03d}" for n in range(4)) and scores.mode == ("video", "static")
     for n, name in enumerate(scores.clip):
         label = packed_sequences.read_sequence(dataset.find(f"val/{name}.safetensors").path, "none").label
@@ -61,10 +61,8 @@ def test_every_sequence_of_the_part_is_asked(scores: InteractionScores, dataset:
     assert np.allclose(scores.action.sum(-1), 1, atol=1e-5)
 
 
-def test_measures_of_the_released_code(scores: InteractionScores, dataset: FileTree) -> None:
-    """Of every sequence: the share of equal pixels, background and all, and of confidences above 0.75 against truth, by hand from
-    what is shown; a set has their mean.
-    """
+def test_released_metrics_of_an_evaluation(scores: InteractionScores, dataset: FileTree) -> None:
+    """The share of equal pixels, background included, and confidences above 0.75 against truth, by hand from the kept answers."""
     for one in scores.shown:
         at = scores.clip.index(one.clip)
         for m in range(len(scores.mode)):
@@ -76,8 +74,8 @@ def test_measures_of_the_released_code(scores: InteractionScores, dataset: FileT
     assert numbers["static.code_f1"] == pytest.approx(scores.code[:, 1, 1].mean())
 
 
-def test_those_of_the_released_code_by_hand() -> None:
-    """Two of four pixels are said to be grasp, one surely and rightly; a half of the pixels of truth is background."""
+def test_released_metrics_by_hand() -> None:
+    """Two of four pixels are predicted as grasp, one confidently and correctly; half of the true pixels are background."""
     truth = np.array([[0, 0], [BACKGROUND, BACKGROUND]], np.uint8)
     probability = np.zeros((10, 2, 2), np.float32)
     probability[0], probability[BACKGROUND] = [[0.9, 0.2], [0.6, 0.1]], [[0.1, 0.8], [0.4, 0.9]]
@@ -96,7 +94,7 @@ def test_a_set_is_the_sum_of_its_parts(scores: InteractionScores) -> None:
 
 
 def test_a_perfect_answer_scores_one(scores: InteractionScores) -> None:
-    """In every figure and category that occurs, and its interval is a point."""
+    """Figures and categories that occur are one, and their intervals are points."""
     pixels = scores.pixels.copy()
     pixels[:, :, :2] = pixels[:, :, 2:]
     action = np.zeros_like(scores.action)
@@ -132,7 +130,7 @@ def test_intervals_hold_the_figure(scores: InteractionScores) -> None:
 
 
 def test_a_picture_is_a_video_of_one_frame(dataset: FileTree) -> None:
-    """What is said of the last frame alone does not know what came before; what is said of the video does."""
+    """The prediction of the last frame alone does not depend on earlier frames; that of the video does."""
     model = build(CONFIG, 1).eval()
     one = packed_sequences.read_sequence(dataset.find("val/val_000.safetensors").path, "3d")
     other = replace(one, rgb=np.concatenate([255 - one.rgb[:-1], one.rgb[-1:]]))
@@ -141,15 +139,15 @@ def test_a_picture_is_a_video_of_one_frame(dataset: FileTree) -> None:
 
 
 def test_rows_without_attention_have_none(dataset: FileTree, tmp_path: Path) -> None:
-    """And are asked without motion; the pictures say so by an empty map."""
+    """Such rows get no motion; their attention map is empty."""
     (tmp_path / "run").mkdir()
     model = saved(build(row(CONFIG, "rgb"), 1), tmp_path / "model")
     found = sor3d_evaluate.run(dataset, model, sor3d_evaluate.Params(shown=1), Scratch(tmp_path / "run"))
     assert found.shown[0].attention.shape == (2, 0, 0) and found.name == "rgb-0"
 
 
-def test_bad_input_says_what(dataset: FileTree, tmp_path: Path) -> None:
-    """No model; no such part."""
+def test_bad_input_is_named(dataset: FileTree, tmp_path: Path) -> None:
+    """No model; an unknown split."""
     with pytest.raises(ValueError, match=r"config.json"):
         sor3d_evaluate.run(dataset, FileTree("none", ()), sor3d_evaluate.Params(), Scratch(tmp_path))
     model = saved(build(CONFIG, 1), tmp_path / "model")
@@ -157,7 +155,7 @@ def test_bad_input_says_what(dataset: FileTree, tmp_path: Path) -> None:
         sor3d_evaluate.run(dataset, model, sor3d_evaluate.Params(split="test"), Scratch(tmp_path / "run"))
 
 
-def test_what_is_shown_is_spread_over_all() -> None:
-    """First and last among them, never more than there are."""
+def test_spread_indices_cover_the_range() -> None:
+    """First and last index included, never more than there are."""
     assert spread_indices(60, 3) == {0, 30, 59} and spread_indices(2, 12) == {0, 1}
     assert spread_indices(5, 1) == {0} and spread_indices(4, 0) == set()

@@ -1,4 +1,4 @@
-"""Trainings of the ablation that were made apart become one table: newer figures win, commits are told, gaps are marked."""
+"""Figures of ablation trainings from several runs in one table: newer figures win, commits are listed, gaps are marked."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ FIRST, SECOND = {"video.iou": 0.25}, {"video.iou": 0.75}
 
 
 def test_figures_of_a_run_are_added_and_replace_older_ones(tmp_path: Path) -> None:
-    """What another machine has trained stays."""
+    """Trainings of another machine are kept."""
     kept, scores = tmp_path / "kept.json", tmp_path / "scores.json"
     scores.write_text(json.dumps({"rgb-0": FIRST, "rgbd-0": FIRST}))
     sor3d_kept.add(kept, scores, "aaa")

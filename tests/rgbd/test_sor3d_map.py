@@ -26,8 +26,8 @@ def stages(target: str, place: Origin, p: Settings) -> dict[str, set[str]]:
     return {node.name: {name for name, _ in node.inputs} for node in build(target, place, p).stages()}
 
 
-def test_actions_are_learned_before_only_where_a_row_asks_for_it() -> None:
-    """From the sequences themselves, or from clips of actions where they are given."""
+def test_pretraining_runs_only_for_its_row() -> None:
+    """Trained on the sequences themselves, or on clips of actions if given."""
     before = {"sor3d_pretrain", "pretrained_sor3d_train", "pretrained_sor3d_evaluate"}
     plain = stages("sor3d", Origin("x"), Settings())
     assert not plain.keys() & before and "encoder" not in plain["sor3d_train"]
@@ -39,8 +39,8 @@ def test_actions_are_learned_before_only_where_a_row_asks_for_it() -> None:
     assert given.keys() >= before | {"action_read", "action_pack"}
 
 
-def test_the_ablation_trains_the_rows_that_are_asked_for() -> None:
-    """Pretrained ones apart; the steps of its own where it has some."""
+def test_ablation_trains_the_requested_rows() -> None:
+    """Pretrained rows are separate; `steps` overrides those of the training."""
     both = stages("sor3d-ablation", Origin("x"), FEW)
     assert both.keys() >= {"sor3d_train", "pretrained_sor3d_train"} and "more" in both["sor3d_report"]
     few = FEW.with_stages(sor3d_report=replace(FEW.rgbd.sor3d_report, rows=("rgb",), steps=1))
@@ -63,8 +63,8 @@ def test_recorded_sequences_have_no_truth_and_one_length() -> None:
     assert by["interaction_read"].params.frames == "slots" and by["interaction_pack"].params.licence == "unknown"
 
 
-def test_where_sequences_and_actions_come_from(tmp_path: Path) -> None:
-    """Rendered ones need no source; a folder that is none is refused, also one of actions."""
+def test_sources_of_sequences_and_actions(tmp_path: Path) -> None:
+    """Rendered ones need no source; a wrong folder is refused, also one of actions."""
     digest = lambda path: path.name  # noqa: E731
     place, _ = origin("sor3d", None, Settings(), digest)
     assert (place.name, place.sequences, place.actions) == ("sor3d", (), None)
@@ -80,7 +80,7 @@ def test_where_sequences_and_actions_come_from(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_second_run_does_no_work_and_the_ablation_takes_what_is_trained(tmp_path: Path) -> None:
+def test_second_run_is_cached_and_shared_with_the_ablation(tmp_path: Path) -> None:
     """The training of the whole model serves both targets."""
     use_kernel_cache(ROOT, tmp_path)
     runner = Runner(tmp_path, ROOT, "afford.codecs:CODEC", "afford.common.worker:prepare")

@@ -71,7 +71,7 @@ def test_the_future_is_not_seen() -> None:
 
 @pytest.mark.parametrize("rescale", [False, True])
 def test_attention_sums_to_one(rescale: bool) -> None:
-    """Or to the number of positions, where it is rescaled; never negative."""
+    """The sum is the number of positions when it is rescaled; values are never negative."""
     layer = Attention(3, rescale)
     found = layer(torch.randn(2, 3, 5, 7) * 4, torch.randn(2, 3, 5, 7) * 4)
     assert found.shape == (2, 1, 5, 7) and (found >= 0).all()
@@ -79,7 +79,7 @@ def test_attention_sums_to_one(rescale: bool) -> None:
 
 
 def test_attention_is_applied_at_every_upsampling(model: Sor3d) -> None:
-    """With an attention of 0 nothing of the latent arrives: two latents, one answer. Without attention they differ."""
+    """An attention of 0 blocks the latent: two latents, one answer. Without attention they differ."""
     skips = [[torch.zeros(1, width, side, side)] * 2 for width, side in zip(TINY.widths, (32, 16, 8), strict=False)]
     first, second = torch.randn(2, 1, 8, 4, 4).unbind()
     nothing = torch.zeros(1, 1, 4, 4)
@@ -145,8 +145,8 @@ def count(part: torch.nn.Module, kernel: int) -> int:
     return sum(isinstance(module, torch.nn.Conv2d) and module.kernel_size[0] == kernel for module in part.modules())
 
 
-def test_the_loss_of_pixels_written_out_is_the_librarys() -> None:
-    """Value and gradient, with weights; the one that a GPU takes is the one that a CPU takes."""
+def test_explicit_cross_entropy_equals_torch() -> None:
+    """Value and gradient, with weights: the one of a GPU is the one of a CPU."""
     logits, label = torch.randn(2, 10, 6, 5, generator=torch.Generator().manual_seed(3)), torch.arange(60).view(2, 6, 5) % 10
     weight = torch.linspace(0.5, 3.0, 10)
     found = []
@@ -159,7 +159,7 @@ def test_the_loss_of_pixels_written_out_is_the_librarys() -> None:
 
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a CUDA device")
 def test_a_training_step_on_a_gpu_gives_the_same_bytes_twice() -> None:
-    """Every operation of the model and of its losses has a kernel that does."""
+    """The operations of the model and of its losses have deterministic kernels."""
     grads = []
     for _ in range(2):
         with deterministic(1, "cuda"):
@@ -180,8 +180,8 @@ def test_paper_width_learns_on_a_cpu() -> None:
 
 
 @pytest.mark.parametrize("name", ROWS)
-def test_every_row_of_the_ablation_runs(name: str) -> None:
-    """Each has what its name says, and all of its weights learn, from videos and from pictures, which are normalised apart."""
+def test_rows_of_the_ablation_train(name: str) -> None:
+    """Each has the parts of its name, and all of its weights get gradients, from videos and from pictures."""
     made = build(config.row(TINY, name), 0)
     said = made(asked(0, 1, count=3), asked(2, 3, count=1))
     losses(said, torch.randint(0, 10, (4, SIZE, SIZE)), torch.tensor([1, 2, 3, 4]), LossParams(), 0.0)["total"].backward()
@@ -190,10 +190,8 @@ def test_every_row_of_the_ablation_runs(name: str) -> None:
     assert all(parameter.grad is not None for parameter in made.parameters())
 
 
-def test_only_the_label_of_the_last_frame_enters_the_loss(model: Sor3d) -> None:
-    """A label has no place for earlier frames, a sequence of them is refused, and what is decoded beside the memory is of the last
-    frame alone.
-    """
+def test_loss_uses_the_label_of_the_last_frame_only(model: Sor3d) -> None:
+    """A sequence of labels is refused; the skip connections depend on the last frame only."""
     asking = asked(4)
     with torch.no_grad():
         _, skips = model._encode([asking])
@@ -205,8 +203,8 @@ def test_only_the_label_of_the_last_frame_enters_the_loss(model: Sor3d) -> None:
         losses(model(asking), torch.zeros(1, 4, SIZE, SIZE, dtype=torch.int64), torch.tensor([0]), LossParams(), 0.0)
 
 
-def test_groups_of_several_lengths_are_as_each_alone(model: Sor3d) -> None:
-    """What is said of a sequence does not depend on what goes through beside it, and keeps its place."""
+def test_groups_of_several_lengths_are_independent(model: Sor3d) -> None:
+    """The output of a sequence does not depend on other groups, and keeps its place."""
     videos, pictures = asked(0, 1), asked(2, 3, 4, count=1)
     with torch.no_grad():
         both, apart = model(videos, pictures), (model(videos), model(pictures))
@@ -215,7 +213,7 @@ def test_groups_of_several_lengths_are_as_each_alone(model: Sor3d) -> None:
 
 
 def test_the_action_decides_between_affordances_of_a_pixel(model: Sor3d) -> None:
-    """An affordance of a pixel is what the decoder says times the probability of the action; the background is not touched."""
+    """An affordance of a pixel is the decoder's probability times that of the action; the background is unchanged."""
     asking, alone = asked(6), build(replace(TINY, told=False), seed=1).eval()
     with torch.no_grad():
         said, decoded = model(asking), alone(asking)
@@ -260,7 +258,7 @@ def test_loss_by_hand() -> None:
     assert diced["total"].item() == pytest.approx(0.2 * (right + wrong) / 2 + 0.8 * told + 0.2 * 2.0 * overlap, abs=1e-6)
 
 
-def test_files_come_back(model: Sor3d, tmp_path: Path) -> None:
+def test_saved_model_is_loaded_unchanged(model: Sor3d, tmp_path: Path) -> None:
     """Config and weights, to the bit; another config is refused."""
     checkpoint.save_model(model, tmp_path)
     back = checkpoint.load_model(tmp_path)
@@ -313,8 +311,8 @@ def test_weights_come_from_the_seed() -> None:
     assert torch.equal(first, second) and not torch.equal(first, other) and torch.equal(drawn, torch.rand(1))
 
 
-def test_bad_configs_say_so() -> None:
-    """One sentence with what was expected."""
+def test_bad_configs_are_refused() -> None:
+    """One sentence with the expected values."""
     with pytest.raises(ValueError, match="expected flow of none, 2d, 3d"):
         Sor3dConfig(flow="4d")
     with pytest.raises(ValueError, match="no field colour"):

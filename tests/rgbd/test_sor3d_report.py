@@ -67,8 +67,8 @@ def test_one_model_by_hand(tmp_path: Path) -> None:
     assert "| push | 0.333 | 0.500 | 0.143 | 0.250 | 0.000 |" in text
 
 
-def test_what_is_not_finished_is_marked(tmp_path: Path) -> None:
-    """Every line of the paper is there: means and spreads over seeds, one seed of two, none of two, not asked for."""
+def test_unfinished_rows_are_marked(tmp_path: Path) -> None:
+    """Lines of the paper: means and spreads over seeds, one seed of two, none of two, not requested."""
     planned = recipes(("rgb", "rgb_attention", "rgbd", PRETRAINED), (0, 1))
     done = (scores("rgb-0", 40), scores("rgb-1", 60), scores("rgb_attention-0", 70))
     found = sor3d_report.run(planned, done, sor3d_report.Params(ablation=True), Scratch(tmp_path))
@@ -88,16 +88,16 @@ def test_what_is_not_finished_is_marked(tmp_path: Path) -> None:
     assert json.loads(read(found, "scores.json")).keys() == {"rgb-0", "rgb-1", "rgb_attention-0"}
 
 
-def test_what_each_part_adds_is_told_where_both_sides_are_known() -> None:
-    """Also video beside pictures, and pre-training, which the paper has no figure for."""
+def test_gain_of_each_part_needs_both_rows() -> None:
+    """Video over pictures and pre-training, which the paper does not report, are included."""
     seeds = [{"video.iou": 0.7, "static.iou": 0.5, "action.accuracy": 0.9, "static.action": 0.3}]
     text = report.steps_table({WHOLE: seeds, PRETRAINED: [{"video.iou": 0.75, "action.accuracy": 0.8}], "rgb": []})
     assert "| learning actions before | +0.050 |  | -0.100 |  |" in text and "| video | +0.200 |  | +0.600 | +0.18 |" in text
     assert "attention" not in text and not report.steps_table({})
 
 
-def test_a_second_group_stands_in_the_report(tmp_path: Path) -> None:
-    """Pretrained rows come apart."""
+def test_second_group_is_in_the_report(tmp_path: Path) -> None:
+    """Scores of pretrained rows are a separate input."""
     planned = recipes((WHOLE, PRETRAINED), (0,))
     found = sor3d_report.run(planned, (scores(planned[0].name),), sor3d_report.Params(ablation=True), Scratch(tmp_path),
                              (scores(planned[1].name, 60),))  # fmt: skip
@@ -105,8 +105,8 @@ def test_a_second_group_stands_in_the_report(tmp_path: Path) -> None:
     assert numbers["pretrained.video.f"] == pytest.approx(0.6) and "flow.epe_ratio" not in numbers
 
 
-def test_the_sheet_shows_only_what_is_sure(tmp_path: Path) -> None:
-    """Green where the video is sure; the picture's answer, at 0.5, leaves the frame grey."""
+def test_sheet_shows_confident_pixels_only(tmp_path: Path) -> None:
+    """Green where the video is confident; the picture's answer, at 0.5, leaves the frame grey."""
     planned = recipes((WHOLE,), (0,))
     found = sor3d_report.run(planned, (scores(planned[0].name),), sor3d_report.Params(), Scratch(tmp_path))
     sheet = cv2.imread(str(found.find("sheet.png").path))
@@ -115,15 +115,15 @@ def test_the_sheet_shows_only_what_is_sure(tmp_path: Path) -> None:
     assert [bool(column[30:-30].any()) for column in columns[:4]] == [False, True, True, False]
 
 
-def test_strangers_and_nothing_are_refused(tmp_path: Path) -> None:
-    """Scores of another plan do not slip in; no score at all is an error."""
+def test_unplanned_or_missing_scores_are_refused(tmp_path: Path) -> None:
+    """Scores of another plan, and no score at all, are errors."""
     for done in ((), (scores("other-0"),)):
         with pytest.raises(ValueError, match="expected scores of rgb-0"):
             sor3d_report.run(recipes(("rgb",), (0,)), done, sor3d_report.Params(), Scratch(tmp_path))
 
 
-def test_before_anything_is_finished_the_plan_is_told(tmp_path: Path) -> None:
-    """A run that had too little time for a single row; there is nothing to draw."""
+def test_report_without_finished_rows_shows_the_plan(tmp_path: Path) -> None:
+    """A run that had too little time for a single row; no sheet is drawn."""
     planned = recipes(("rgb", PRETRAINED), (0, 1))
     found = sor3d_report.run(planned, (), sor3d_report.Params(ablation=True), Scratch(tmp_path))
     assert json.loads(read(found, "metrics.json")) == {f"{row}.{name}": value for row in ("rgb", PRETRAINED)

@@ -52,8 +52,8 @@ def refs(tree: FileTree) -> list[tuple[str, str]]:
     return [(file.name, file.digest) for file in tree.files]
 
 
-def test_a_sequence_comes_back(dataset: FileTree) -> None:
-    """Colours, label and flow to the bit, depth to a tenth of a millimetre; the flow that was asked for."""
+def test_packed_sequence_is_read_back(dataset: FileTree) -> None:
+    """Colours, label and flow to the bit, depth to a tenth of a millimetre; the requested kind of flow."""
     clip, flow = interaction(3, "train")
     path = dataset.find("train/train_003.safetensors").path
     for kind, colour in (("3d", flow.colour), ("2d", flow.colour_px), ("none", flow.colour[:0])):
@@ -62,15 +62,15 @@ def test_a_sequence_comes_back(dataset: FileTree) -> None:
         assert np.abs(back.depth_m - clip.depth_m).max() < 6e-5 and back.affordance == clip.affordance
 
 
-def test_killed_and_run_again_gives_the_same_files(dataset: FileTree, trained: Trained, tmp_path: Path) -> None:
+def test_killed_training_resumes_to_the_same_files(dataset: FileTree, trained: Trained, tmp_path: Path) -> None:
     """Interrupted after a checkpoint and a step more, in another folder: every file is the same to the byte."""
     with pytest.raises(KeyboardInterrupt):
         sor3d_train.run(dataset, PARAMS, Killed(tmp_path))
     assert refs(sor3d_train.run(dataset, PARAMS, Scratch(tmp_path)).files) == refs(trained.files)
 
 
-def test_it_leaves_a_model_a_card_and_curves(trained: Trained) -> None:
-    """What a reader of the folder needs."""
+def test_training_writes_model_card_and_curves(trained: Trained) -> None:
+    """Files that a user of the model needs."""
     names = {file.name for file in trained.files.files}
     assert {"card.md", "history.parquet", "model/config.json", "model/model.safetensors", "previews/step_0000006.jpg"} <= names
     card = trained.files.find("card.md").path.read_text()
@@ -89,20 +89,20 @@ def test_a_recipe_is_a_row(dataset: FileTree, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("job", [sor3d_train._job(PARAMS), sor3d_pretrain._job(sor3d_pretrain.Params())])
-def test_a_job_travels_as_text(job: Job[Any]) -> None:
-    """What a process reads is what was sent."""
+def test_job_survives_json(job: Job[Any]) -> None:
+    """The job of a worker process is the one that was sent."""
     assert read_job(job.to_json()) == job
 
 
-def test_a_card_lists_what_was_read(dataset: FileTree, tmp_path: Path) -> None:
-    """A pre-training knows nothing of pixels, of pictures or of sizes of batches, and its card says nothing of them."""
+def test_card_lists_the_parameters_of_its_job(dataset: FileTree, tmp_path: Path) -> None:
+    """The card of a pre-training has no parameters of pixels, pictures or batch sizes."""
     params = sor3d_pretrain.Params(steps=1, warmup=1, batch=2, height_px=SIZE, val_samples=2, validate_every=0)
     card = sor3d_pretrain.run(dataset, params, Scratch(tmp_path)).files.find("card.md").path.read_text()
     assert '"changes"' in card and not [word for word in ("loss", "static_share", "coarse_share", "vgg") if f'"{word}"' in card]
 
 
 def test_the_paper_is_a_preset() -> None:
-    """Of both stages: its rate, its batch, Adam without decay and nothing that is ours."""
+    """Both stages: the paper's rate, batch, Adam without decay, and no part of ours."""
     for params in (sor3d_train.PAPER, sor3d_pretrain.PAPER):
         assert (params.variant, params.lr, params.batch, params.decay, params.weight_decay) == ("paper", 2e-5, 2, False, 0.0)
         assert (params.flip_share, params.crop_share, params.colour_share, params.height_px) == (0.0, 0.0, 0.0, 300)
@@ -110,7 +110,7 @@ def test_the_paper_is_a_preset() -> None:
 
 
 def test_batches_are_a_function_of_their_number(dataset: FileTree, tmp_path: Path) -> None:
-    """In any order; the last frames of some are learned beside them as pictures."""
+    """The order of calls does not matter; the last frames of some sequences are added as pictures."""
     job = replace(sor3d_train._job(PARAMS), static_share=0.5, batch=4, coarse_share=0.0)
     job.prepare({file.name: file.path for file in dataset.files}, tmp_path)
     batches = job.task(tmp_path, 1).batch
@@ -126,7 +126,7 @@ def test_batches_are_a_function_of_their_number(dataset: FileTree, tmp_path: Pat
 
 
 def test_the_first_batches_have_half_the_size(dataset: FileTree, tmp_path: Path) -> None:
-    """A share of them; their labels too."""
+    """A share of the batches; their labels too."""
     job = replace(sor3d_train._job(PARAMS), coarse_share=0.5)
     job.prepare({file.name: file.path for file in dataset.files}, tmp_path)
     batches, half = job.task(tmp_path, 1).batch, PARAMS.steps * PARAMS.accumulate // 2
@@ -134,8 +134,8 @@ def test_the_first_batches_have_half_the_size(dataset: FileTree, tmp_path: Path)
     assert sides == [(SIZE // 2, SIZE // 2), (SIZE, SIZE)]
 
 
-def test_a_mirror_turns_motion_round(dataset: FileTree) -> None:
-    """Twice is once; motion to the right becomes motion to the left."""
+def test_flip_changes_the_sign_of_motion(dataset: FileTree) -> None:
+    """Flipping twice is the identity; motion to the right becomes motion to the left."""
     one = packed_sequences.read_sequence(dataset.find("train/train_000.safetensors").path, "3d")
     other = flip_sequence(one)
     assert one.flow[..., 0].max() == 153 and other.flow[..., 0].min() == 103
@@ -143,15 +143,15 @@ def test_a_mirror_turns_motion_round(dataset: FileTree) -> None:
     assert np.array_equal(back.flow, one.flow) and np.array_equal(back.rgb, one.rgb) and np.array_equal(back.label, one.label)
 
 
-def test_changes_keep_the_label_on_its_thing(dataset: FileTree) -> None:
-    """However it is cropped and mirrored: what is bright in the last frame is what is labelled."""
+def test_augmentation_keeps_the_label_on_its_object(dataset: FileTree) -> None:
+    """Bright pixels of the last frame are the labelled ones, for any crop and flip."""
     one = packed_sequences.read_sequence(dataset.find("train/train_001.safetensors").path, "3d")
     for seed in range(8):
         seen = augment(one, Augmentation(0.5, 1.0, 0.0), np.random.default_rng(seed))
         assert ((seen.rgb[-1].mean(-1) > 150) == (seen.label != BACKGROUND)).mean() > 0.97
 
 
-def test_a_picture_has_no_past(dataset: FileTree) -> None:
+def test_last_frame_has_no_motion(dataset: FileTree) -> None:
     """The last frame alone, without motion, with the label."""
     one = packed_sequences.read_sequence(dataset.find("train/train_000.safetensors").path, "3d")
     learned = stack([[last_frame(one)]], sor3d_train._job(PARAMS).config)
@@ -159,8 +159,8 @@ def test_a_picture_has_no_past(dataset: FileTree) -> None:
     assert learned.action.item() == AFFORDANCES.index("push")
 
 
-def test_bad_input_says_what(dataset: FileTree, tmp_path: Path) -> None:
-    """No validation part; an unknown row; flows of other clips; a file that is none."""
+def test_bad_input_is_named(dataset: FileTree, tmp_path: Path) -> None:
+    """No validation split; an unknown row; flows of other clips; a damaged file."""
     lonely = FileTree("d", dataset.under("train"))
     with pytest.raises(ValueError, match=r"expected sequences val/\*.safetensors, found none"):
         sor3d_train.run(lonely, PARAMS, Scratch(tmp_path))
@@ -177,21 +177,21 @@ def test_bad_input_says_what(dataset: FileTree, tmp_path: Path) -> None:
 
 
 def test_actions_that_differ_only_in_motion_are_separated(dataset: FileTree) -> None:
-    """Twelve squares, pushed or lifted, within 60 steps; a model whose memory saturates stays at chance."""
+    """Twelve squares, pushed or lifted, within 20 steps; a model whose memory saturates stays at chance."""
     paths = packed_sequences.split_files({file.name: file.path for file in dataset.files}, "train")
     config = sor3d_train._job(PARAMS).config
     batch = stack([[packed_sequences.read_sequence(path, "3d") for path in paths]], config)
     model = build(config, seed=0)
     optimizer = torch.optim.Adam(model.parameters(), 2e-3)
-    for _ in range(60):
+    for _ in range(20):
         optimizer.zero_grad()
         losses(model(*batch.groups), batch.label, batch.action, LossParams(), 0.0)["total"].backward()
         optimizer.step()
     assert (model(*batch.groups).action.argmax(1) == batch.action).all()
 
 
-def test_a_training_starts_from_the_shares_of_the_classes(dataset: FileTree, tmp_path: Path) -> None:
-    """Before anything is learned, the model says of every pixel and every sequence how common each class is in the data."""
+def test_training_starts_from_the_class_frequencies(dataset: FileTree, tmp_path: Path) -> None:
+    """The untrained model predicts the class frequencies of the data for every pixel and every sequence."""
     job = sor3d_train._job(replace(PARAMS, foreground_weight=3.0))
     job.prepare({file.name: file.path for file in dataset.files}, tmp_path)
     task = job.task(tmp_path, 1)
@@ -205,16 +205,16 @@ def test_a_training_starts_from_the_shares_of_the_classes(dataset: FileTree, tmp
 
 
 @pytest.mark.slow
-def test_it_learns_what_only_motion_tells(dataset: FileTree, tmp_path: Path) -> None:
-    """The square rests the same way whether it was pushed or lifted: videos are told apart, pictures cannot be."""
+def test_videos_are_separated_by_motion_and_pictures_are_not(dataset: FileTree, tmp_path: Path) -> None:
+    """The square rests the same way whether it was pushed or lifted."""
     params = replace(PARAMS, steps=150, warmup=20, validate_every=75, batch=6, static_share=0.1, lr=2e-3, foreground_weight=4.0)
     made = sor3d_train.run(dataset, params, Scratch(tmp_path))
     said = {curve.name: float(curve.value[-1]) for curve in made.log.curves}
     assert said["val.iou"] > 0.8 and said["val.action"] == 1.0 and said["val.static.iou"] < 0.7
 
 
-def test_an_encoder_is_trained_before(dataset: FileTree, tmp_path: Path) -> None:
-    """On clips of actions of any length; the model starts from exactly that encoder, and nothing else does."""
+def test_training_starts_from_a_pretrained_encoder(dataset: FileTree, tmp_path: Path) -> None:
+    """Clips of actions of any length; the model starts from exactly that encoder."""
     rng = np.random.default_rng(0)
     actions = tuple(ActionClip(f"a{n}", ("walk", "wave")[n % 2], rng.integers(0, 255, (5 + n, SIZE, SIZE, 3)).astype(np.uint8),
                                np.zeros((5 + n, SIZE, SIZE), np.float32)) for n in range(8))  # fmt: skip

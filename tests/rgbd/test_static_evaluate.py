@@ -46,7 +46,7 @@ def told(*planes: tuple[int, np.ndarray]) -> PicturePrediction:
 
 
 def test_figures_by_hand() -> None:
-    """Of 8 true pixels of grasp 4 are found and 4 called lift, which the set lacks; cut is found with 4 pixels too many."""
+    """8 true pixels of grasp: 4 are found and 4 predicted as lift, which the set lacks; cut is found with 4 pixels too many."""
     label = np.full((4, 4), BACKGROUND, np.uint8)
     label[:2], label[2, :2] = GRASP, CUT
     mask = np.zeros((3, 4, 4), bool)
@@ -61,7 +61,7 @@ def test_figures_by_hand() -> None:
 
 
 def test_closed_to_the_classes_of_the_set() -> None:
-    """Where lift is likeliest and the set has none, the next likeliest class of the set is taken."""
+    """The most likely class of the set replaces lift, which the set lacks."""
     label = np.full((4, 4), GRASP, np.uint8)
     whole = np.ones((4, 4), bool)
     said = told((LIFT, whole))
@@ -72,7 +72,7 @@ def test_closed_to_the_classes_of_the_set() -> None:
 
 
 def test_a_perfect_answer_scores_one() -> None:
-    """All three figures, whatever the classes."""
+    """Figures are one, whatever the classes."""
     label = np.random.default_rng(0).integers(0, 10, (6, 6)).astype(np.uint8)
     tally = SetScores.of([sample(label)])
     tally.add(ScoredPicture(sample(label), told(*((kind, label == kind) for kind in range(10)))))
@@ -81,7 +81,7 @@ def test_a_perfect_answer_scores_one() -> None:
 
 @pytest.mark.parametrize("source", ["umd", "iit-aff"])
 def test_sets_as_they_are_read(source: str, model: FileTree, tmp_path: Path) -> None:
-    """With and without depth, wider than high or not: three files; the report names the classes of the set alone."""
+    """Three files for sets with and without depth, wide or not; the report names the classes of the set only."""
     files = umd(tmp_path / "set") if source == "umd" else iit_aff(tmp_path / "set")
     samples = static_read.run(files, static_read.Params(source, crop_px=0))
     found = static_evaluate.run(samples, model, static_evaluate.Params(name=source), Scratch(tmp_path / "scratch"))
@@ -107,18 +107,18 @@ def test_the_last_frame_of_a_sequence_is_its_picture(model: FileTree, tmp_path: 
     assert json.loads(found.find("metrics.json").path.read_text()) == tally.metrics()
 
 
-def test_what_cannot_be_scored_is_refused(model: FileTree, tmp_path: Path) -> None:
-    """A split without pictures; a set without affordances; an unknown kind of model."""
+def test_sets_that_cannot_be_scored_are_refused(model: FileTree, tmp_path: Path) -> None:
+    """One sentence each."""
     nothing = sample(np.full((40, 40), BACKGROUND, np.uint8))
     usual = static_evaluate.Params()
     for params, hint in ((replace(usual, split="val"), "pictures of the split 'val'"),
-                         (usual, "umd: expected pictures with an affordance"), (replace(usual, backend="other"), "choose one of")):
+                         (usual, "umd: none of 1 pictures has an affordance"), (replace(usual, backend="other"), "choose one of")):
         with pytest.raises((ValueError, KeyError), match=hint):
             static_evaluate.run(StaticSet((nothing,), ()), model, params, Scratch(tmp_path))
 
 
 def test_pictures_that_could_not_be_read_are_named(model: FileTree, tmp_path: Path) -> None:
-    """In the report, beside the figures of the others, which stay what they are."""
+    """The report lists them next to the figures of the others, which are unchanged."""
     samples = static_read.run(umd(tmp_path / "set"), static_read.Params("umd", crop_px=0))
     reports = []
     for n, refused in enumerate(((), ("b.jpg: expected a picture", "c.jpg: expected a label"))):

@@ -12,7 +12,7 @@ from afford.common.worker import use_kernel_cache
 from commands.errors import UsageError
 from commands.origin import origin
 from commands.run import Request, run
-from maps.rgbd import REPORTS, detector, pictures, told
+from maps.rgbd import REPORTS, detector, evaluate_pictures, pictures
 from maps.settings import SYSTEM_OF, Origin, Settings
 from pipeline import build
 from runner import Graph, Runner
@@ -37,7 +37,7 @@ def test_three_reports_on_the_same_pictures() -> None:
     g, p = Graph(), Settings()
     samples = pictures(g, FileTree("umd", ()), p)
     boxes = g.pick(detector(g, g.leaf("dataset", FileTree("made", ())), p), lambda trained: trained.files)
-    found = told(g, samples, g.leaf("model", FileTree("sor3d", ())), boxes, p)
+    found = evaluate_pictures(g, samples, g.leaf("model", FileTree("sor3d", ())), boxes, p)
     g.target("static", *found)
     stages = {node.name: node for node in g.stages()}
     assert set(stages) == {"static_read", "boxes_train", *REPORTS}
@@ -49,8 +49,8 @@ def test_three_reports_on_the_same_pictures() -> None:
     assert stages["boxes_train"].value is boxes_train.run
 
 
-def test_what_learns_is_what_target_sor3d_trains() -> None:
-    """The same stages with the same parameters; no examination, and no score of the motion, which nothing here reads."""
+def test_trainings_are_those_of_target_sor3d() -> None:
+    """The same stages with the same parameters; no evaluation and no score of the motion, which this target does not need."""
     ours, theirs = stages("static-sets", Origin("x"), Settings()), stages("sor3d", Origin("x"), Settings())
     shared = ours.keys() & theirs.keys()
     assert {"interaction_render", "scene_flow", "interaction_pack", "sor3d_train"} <= shared
@@ -62,7 +62,7 @@ def test_what_learns_is_what_target_sor3d_trains() -> None:
 
 
 def test_pictures_come_from_rendered_sequences_or_from_a_root() -> None:
-    """Of sequences, validation alone, or the split that is asked for; of a root, every picture. The lessons are the same."""
+    """Rendered sequences: validation only, or the requested split. A root: every picture. The training data is the same."""
     rendered = stages("static-sets", Origin("x"), Settings())
     given = stages("static-sets", Origin("x", pictures=FileTree("umd", ())), Settings())
     assert given.keys() - rendered.keys() == {"static_read"} and not rendered.keys() - given.keys()
@@ -75,8 +75,8 @@ def test_pictures_come_from_rendered_sequences_or_from_a_root() -> None:
     assert given["boxes_train"].params == rendered["boxes_train"].params
 
 
-def test_where_pictures_come_from(tmp_path: Path) -> None:
-    """A root is told by its labels; another kind than the one that is asked for, or none, is refused in one sentence."""
+def test_sources_of_pictures(tmp_path: Path) -> None:
+    """A root is identified by its labels; another kind than the requested one, or none, is refused in one sentence."""
     digest = lambda path: path.name  # noqa: E731
     place, _ = origin("static-sets", None, Settings(), digest)
     assert (place.name, place.pictures, place.sequences) == ("static-sets", None, ())
@@ -121,7 +121,7 @@ def test_a_run_from_nothing_to_three_reports(tmp_path: Path, capsys: pytest.Capt
 
 
 def changed(p: Settings) -> dict[str, dict[str, object]]:
-    """What of the settings is not as usual, as a file of parameters."""
+    """Settings that differ from the defaults, as a file of parameters."""
     usual = {stage: (vars(p.params(stage)), vars(Settings().params(stage))) for stage in SYSTEM_OF}
     return {name: {key: value for key, value in mine.items() if value != plain[key]} for name, (mine, plain) in usual.items()
             if mine != plain}  # fmt: skip

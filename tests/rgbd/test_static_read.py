@@ -1,4 +1,4 @@
-"""UMD and IIT-AFF: classes become ours, the middle is cut out, and what is wrong is said."""
+"""Readers of UMD and IIT-AFF: classes are mapped to ours, the middle is cropped, errors name the file."""
 
 from __future__ import annotations
 
@@ -49,8 +49,8 @@ def test_iit_aff_classes(tmp_path) -> None:
     assert a.depth_m[0, 0, 0] == 1.5 and b.depth_m.shape == (0, 20, 20)
 
 
-def test_of_a_small_picture_the_largest_square(tmp_path) -> None:
-    """As it is, not enlarged; one that is large enough is cut as ever."""
+def test_small_pictures_give_their_largest_square(tmp_path) -> None:
+    """It is not enlarged; a large picture is cropped as usual."""
     iit_aff(tmp_path)
     wide = cv2.imread(str(tmp_path / "rgb" / "b.jpg"))[:9]
     cv2.imwrite(str(tmp_path / "rgb" / "b.jpg"), wide)
@@ -62,8 +62,8 @@ def test_of_a_small_picture_the_largest_square(tmp_path) -> None:
     assert np.array_equal(b.label[0], a.label[0, 1:10])
 
 
-def test_only_what_is_asked_for_is_decoded(tmp_path, monkeypatch) -> None:
-    """Of IIT-AFF's a (train) and b (val), one; a split that the root does not have says which it has."""
+def test_pictures_of_other_splits_are_not_decoded(tmp_path, monkeypatch) -> None:
+    """IIT-AFF with a (train) and b (val): one of them; an unknown split lists the known ones."""
     made, opened = iit_aff(tmp_path), []
     decode = static_set.decode_picture
     reader = "afford.rgbd.readers.iit_aff.decode_picture"
@@ -76,7 +76,7 @@ def test_only_what_is_asked_for_is_decoded(tmp_path, monkeypatch) -> None:
 
 @pytest.mark.parametrize("source", ["umd", "iit-aff"])
 def test_one_bad_picture_stops_no_other(source: str, tmp_path) -> None:
-    """It is named; the others are what they were. When none is left, that is an error."""
+    """The error is reported; the others are unchanged. A set without any readable picture is an error."""
     files, params = (umd if source == "umd" else iit_aff)(tmp_path), static_read.Params(source, crop_px=0)
     whole = static_read.run(files, params)
     first, second = sorted(tmp_path.rglob("*.jpg"))
@@ -87,7 +87,7 @@ def test_one_bad_picture_stops_no_other(source: str, tmp_path) -> None:
     (left,) = found.samples
     assert left.name == whole.samples[1].name and np.array_equal(left.label, whole.samples[1].label)
     second.write_bytes(b"")
-    with pytest.raises(SourceError, match=r"one picture at least that can be read, got none of 2, of which the first: .*20 bytes"):
+    with pytest.raises(SourceError, match=r"one picture at least that can be read, got 2 unreadable ones; the first: .*20 bytes"):
         static_read.run(folder(tmp_path, files.name), params)
 
 

@@ -1,4 +1,4 @@
-"""One table of several models on the same pictures: what each said of itself, in the order in which they come."""
+"""Table of several models on the same pictures, in the order of their reports."""
 
 from __future__ import annotations
 
@@ -15,14 +15,15 @@ from tests.helpers.made_samples import Scratch
 
 
 def report(root: Path, name: str, **figures: float) -> FileTree:
-    """As static_evaluate leaves it, figures that the table does not show included."""
+    """Report of static_evaluate with figures that the table does not show."""
     folder = root / name
     folder.mkdir()
     write_json(folder / "metrics.json", {"iou": 0.25, "f": 0.4, "fw": 0.35, "closed.iou": 0.5, "iou.grasp": 0.1} | figures)
     return tree(name, folder)
 
 
-def test_every_method_has_its_line_and_the_paper_its_two(tmp_path: Path) -> None:
+def test_table_has_a_line_per_method_and_two_of_the_paper(tmp_path: Path) -> None:
+    """Lines in the order of the reports."""
     given = report(tmp_path, "static_sor3d"), report(tmp_path, "static_boxes", iou=0.125), report(tmp_path, "mine")
     made = static_report.run(given, static_report.Params("umd"), Scratch(tmp_path / "out"))
     numbers = json.loads(made.find("metrics.json").path.read_text())  # type: ignore[union-attr]  # it is there

@@ -1,4 +1,4 @@
-"""Every kind of edit: measured by running the code, the fingerprint changes with the output, or the code is refused."""
+"""Fingerprints under edits: measured by running the code, the fingerprint changes with the output, or the code is refused."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def test_counts_of_edits(verdicts: dict[str, Verdict]) -> None:
         "right": len(_names(FOLLOWED)) + len(_names(SAME)), "refused": len(_names(REFUSED)), "over": 0, "stale": 0, "control": 0}
 
 
-def test_every_stage_has_a_fingerprint_and_its_cache_gives_the_same(tmp_path: Path) -> None:
+def test_stages_have_fingerprints_and_the_cache_gives_the_same(tmp_path: Path) -> None:
     """No stage uses refused code, for any backend, and cached parses give the same fingerprints."""
     first = Modules(ROOT, tmp_path / "modules")
     read = {stage: fingerprint(first, stage, {}) for stage in STAGES}
@@ -77,7 +77,7 @@ def test_every_stage_has_a_fingerprint_and_its_cache_gives_the_same(tmp_path: Pa
 @pytest.mark.parametrize("entry", ["afford.codecs:CODEC", "afford.codecs.structure:save", "afford.codecs.structure:load",
                                    "afford.codecs.kinds:digest", "afford.common.worker:prepare"])
 def test_codec_and_preparation_of_workers_have_a_fingerprint(entry: str) -> None:
-    """They determine bytes, so keys contain their code."""
+    """Keys contain their code, because they determine bytes."""
     assert entry in fingerprint(Modules(ROOT), entry, {}).definitions
 
 

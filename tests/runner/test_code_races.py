@@ -51,7 +51,7 @@ def test_an_edit_of_the_same_size_with_its_time_kept_runs_again(project: Project
 
 
 def test_code_edited_after_this_process_imported_it_is_refused_in_this_process(tmp_path: Path) -> None:
-    """Without worker processes the imported code runs, whose output must not have the key of the new code."""
+    """The imported code runs without worker processes, and its output must not have the key of the new code."""
     (tmp_path / "late").mkdir()
     (tmp_path / "late" / "one.py").write_text("from late.values import Word\nMARK = 1\ndef run(word: Word) -> Word:\n"
                                               "    return Word(word.name, word.text + str(MARK))\n")
@@ -84,7 +84,7 @@ def test_an_edit_of_the_codec_runs_everything_again(project: Project) -> None:
 
 
 def test_codec_and_preparation_are_in_the_keys_of_what_they_touch() -> None:
-    """Every stage depends on the worker preparation; only stages with frames depend on the video codec."""
+    """The preparation is in the key of each stage; the video codec only in that of stages with frames."""
     from stages.extraction import affordance_intersect, frame_decode
     from stages.synthetic import object_plan
 

@@ -129,10 +129,10 @@ def test_leftovers_of_a_killed_run_go_with_the_next_run(project: Project) -> Non
 def test_two_runs_at_once_do_every_task_once(project: Project) -> None:
     """Both succeed, and the log of executions has every task once."""
     runs = [start(project, 0.05) for _ in range(2)]
-    said = [run.communicate()[0].split() for run in runs]
+    result = [run.communicate()[0].split() for run in runs]
     assert [run.returncode for run in runs] == [0, 0]
     assert project.executed() == {"split": 3, "shout": 6, "pair": 6, "join": 1}
-    assert sum(int(ran) for ran, _ in said) == TASKS
+    assert sum(int(ran) for ran, _ in result) == TASKS
 
 
 def test_a_worker_that_is_killed_fails_its_shard_alone(project: Project) -> None:
@@ -194,7 +194,7 @@ def test_verify_sets_damage_aside_and_the_next_run_heals(project: Project) -> No
 
 
 def test_a_lost_index_is_made_again(project: Project) -> None:
-    """After losing or damaging files in .cache nothing runs again."""
+    """Losing or damaging files in .cache runs no task again."""
     project.run("ab")
     project.executed()
     for path in (project.store / ".cache").iterdir():
@@ -213,7 +213,7 @@ def test_a_torn_manifest_counts_as_lost(project: Project) -> None:
 
 
 def test_a_lease_is_exclusive_and_ends_with_its_owner(tmp_path: Path) -> None:
-    """There is no second owner, kill -9 frees the lease, and removing the file while waiting gives no two owners."""
+    """A second owner is refused, kill -9 frees the lease, and removing the file while waiting gives no two owners."""
     path = tmp_path / "key.lock"
     code = f"import sys, time; sys.path.insert(0, {str(HERE.parents[1])!r}); from pathlib import Path\n"
     code += "from runner.lease import Lease\n"

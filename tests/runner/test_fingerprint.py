@@ -128,7 +128,7 @@ def test_unreachable_code_does_not_count(case: str, tmp_path: Path) -> None:
 
 
 def test_a_local_variable_is_not_a_constant_of_the_module(tmp_path: Path) -> None:
-    """By Python's scopes, K is an argument here."""
+    """K is an argument here, by Python's scopes."""
     stage = "K = 1\ndef run(K):\n    return [K for K in range(K)]\n"
     assert "stage:K" not in closure(tmp_path, {"stage.py": stage})
 

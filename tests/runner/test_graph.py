@@ -40,7 +40,7 @@ def test_a_handle_has_none_of_the_attributes_of_its_value() -> None:
     (lambda g: g.add(pair.run, word=Graph().leaf("w", Word("a", "x"))), "belongs to another graph"),
 ])
 def test_misuse_is_refused_when_the_graph_is_built(build: object, message: str) -> None:
-    """Every misuse has its own message."""
+    """Messages are specific to the misuse."""
     with pytest.raises(GraphError, match=message):
         build(Graph())  # type: ignore[operator]
 

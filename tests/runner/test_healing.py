@@ -11,6 +11,7 @@ from toy.values import Word
 from toy_project import Project
 
 from runner import Graph
+from runner.walk import PlanListener, Walk
 from tests.runner.test_crashes import flip
 
 
@@ -70,6 +71,21 @@ def test_a_list_whose_manifest_is_gone_is_listed_again(project: Project) -> None
     runner.store.path("manifests", trace.inputs["words"], ".json").unlink()
     report = runner.run(forms(), "collect", force=["join_collect"])
     assert report.ok and report.outputs == first.outputs and found(trace.inputs["words"]) is not None
+
+
+def test_an_outcome_that_is_withdrawn_is_not_propagated(project: Project) -> None:
+    """A reader finds an output damaged before the walk has propagated it."""
+    graph, runner = forms(), project.runner()
+    assert runner.run(graph, "each").ok
+    listener = PlanListener(runner._task_planner(()))
+    walk = listener.walk = Walk(graph, [graph.node_of(handle) for handle in graph.targets["each"]], listener._planner, listener)
+    walk.begin()
+    split = next(node for node in graph.stages() if node.name == "split")
+    digest = walk.outcome[split.id, ()]
+    walk.publish(split, (), digest)
+    assert walk.reopen(digest) == [(split.id, ())]
+    walk.follow()
+    assert (split.id, ()) not in walk.outcome
 
 
 def test_a_missing_wanted_output_is_a_failure(project: Project, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -44,7 +44,7 @@ def test_the_order_of_inputs_does_not_matter() -> None:
 @pytest.mark.parametrize("change", [
     {"params": canonical(Params(radius=11))}, {"code": Fingerprint("c0d3", {}, set(), set())},
     {"libraries": {"numpy": "2.1"}}, {"threads": 2}])
-def test_every_part_of_a_stage_is_in_its_key(change: dict[str, object]) -> None:
+def test_the_parts_of_a_stage_are_in_its_key(change: dict[str, object]) -> None:
     """Parameters, code (function included), libraries and threads."""
     assert task_key(replace(SPEC, **change), {}, {}) != task_key(SPEC, {}, {})  # type: ignore[arg-type]
 

@@ -27,7 +27,7 @@ def reasons(project: Project, *words: str, **more: Any) -> dict[str, str]:
     return {plan.stage: str(plan.reason) for plan in reversed(plans) if plan.status != "cached"}
 
 
-def test_everything_runs_once_and_then_never_again(project: Project) -> None:
+def test_tasks_run_once(project: Project) -> None:
     """A second run does no work and gives the same outputs; nested lists keep their order."""
     first = project.run("ab", "cd")
     assert project.executed() == first.ran == FULL
@@ -42,8 +42,8 @@ def test_output_of_workers_goes_to_stderr(project: Project, capfd: pytest.Captur
     """Standard output belongs to the scheduler, also below Python."""
     project.edit("toy/shout.py", '    note("shout", part.name)\n', '    note("shout", part.name)\n    os.write(1, b"a library")\n')
     assert project.run("ab", jobs=1).ok
-    told = capfd.readouterr()
-    assert told.out == "" and told.err.count("a library") == 2
+    shown = capfd.readouterr()
+    assert shown.out == "" and shown.err.count("a library") == 2
 
 
 def test_a_new_element_runs_alone(project: Project) -> None:
@@ -76,7 +76,7 @@ def test_undo_is_free_and_a_comment_is_nothing(project: Project) -> None:
     assert project.executed() == {}
 
 
-def test_every_change_has_its_reason(project: Project) -> None:
+def test_changes_have_reasons(project: Project) -> None:
     """Each reason is from the closed list, and names the change."""
     assert reasons(project, "ab")["split"] == "first run"
     project.run("ab")
@@ -144,7 +144,7 @@ def test_a_collect_of_failures_is_blocked(project: Project) -> None:
 
 
 def test_an_empty_list_is_collected_as_such(project: Project) -> None:
-    """Without elements and failures, the result is an empty tuple."""
+    """The result is an empty tuple, if there is neither an element nor a failure."""
     assert text(project, project.run()) == ""
 
 
@@ -178,7 +178,7 @@ def test_run_with_only_uses_the_last_inputs_and_reports_stale_ones(project: Proj
 
 
 def test_a_plan_does_nothing(project: Project) -> None:
-    """It lists tasks to run and tasks that wait for them."""
+    """Lists tasks to run, and tasks that wait for them."""
     plans = project.runner().plan(graph("ab"), "all")
     assert [(plan.stage, plan.shard, plan.status) for plan in plans] == [
         ("split", "w0", "run"), ("shout", "w0/*", "pending"), ("pair", "w0/*", "pending"), ("join", "", "pending")]
@@ -206,18 +206,18 @@ def test_costs_are_known_also_of_what_is_cached(project: Project) -> None:
 
 
 def test_observers_receive_every_event(project: Project) -> None:
-    """Every task is planned, started and finished once, and progress is passed on."""
+    """Tasks are planned, started and finished once, and progress is passed on."""
     class Watch:
         def __init__(self) -> None:
             self.seen: list[tuple[Any, ...]] = []
 
         def __getattr__(self, event: str) -> Any:
-            return lambda *said: self.seen.append((event, *said[:2]))
+            return lambda *result: self.seen.append((event, *result[:2]))
 
     watch = Watch()
     project.run("ab", jobs=2, observer=watch)
     for event in ("planned", "started", "finished"):
-        assert len([said for said in watch.seen if said[0] == event]) == 6
+        assert len([result for result in watch.seen if result[0] == event]) == 6
     assert ("progress", "join", "") in watch.seen
 
 

@@ -25,7 +25,7 @@ def project(tmp_path: Path) -> Project:
 
 @pytest.mark.parametrize("first", [True, False])
 def test_a_wide_task_gets_its_turn(first: bool, project: Project) -> None:
-    """It needs both cores. A few narrow tasks overtake it, then it starts, however many narrow tasks are ready."""
+    """The task needs both cores. A few narrow tasks overtake it, then it starts, however many narrow tasks are ready."""
     g = Graph()
     narrow = g.each(g.leaf("narrow", tuple(Word(f"n{i:02}", "x") for i in range(20))))
     loud = g.add(shout.run, part=narrow, word=narrow, params=shout.Params(sleep_s=0.05))
@@ -92,7 +92,7 @@ def test_a_target_is_never_skipped(project: Project) -> None:
 
 
 def test_priority_tasks_precede_those_behind_a_collect(tmp_path: Path) -> None:
-    """Without priority the list that a collect waits for comes first; the outputs are the same."""
+    """The list that a collect waits for comes first without priority; the outputs are the same."""
     order = []
     for first in (True, False):
         mine = Project.make(tmp_path / str(first))

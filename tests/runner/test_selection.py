@@ -29,8 +29,8 @@ g.target("all", g.add(run, word=g.leaf("w", Word("w", "ab")), params=Params()))
 runner = Runner(Path("store"), Path("."), "pkg.values:CODEC", jobs=JOBS)
 plans = [str(plan.reason) for plan in runner.plan(g, "all") if plan.status == "run"]
 report = runner.run(g, "all")
-said = report.failures[0].message if report.failures else runner.load(report.outputs["stage"][0][1]).text
-print(sum(report.ran.values()), said, *plans, sep="|")
+result = report.failures[0].message if report.failures else runner.load(report.outputs["stage"][0][1]).text
+print(sum(report.ran.values()), result, *plans, sep="|")
 """
 STAGE = """
 from __future__ import annotations
@@ -133,7 +133,7 @@ def test_a_new_backend_with_a_block_runs_nothing(project: EditableProject) -> No
 
 
 def test_another_backend_has_another_key_and_its_own_block(project: EditableProject) -> None:
-    """After switching back, nothing runs."""
+    """Switching back runs nothing."""
     project.edit("pkg/stage.py", 'backend: str = "flow"', 'backend: str = "sam-2"')
     ran, text, reasons = project.play()
     assert (ran, text) == (1, "ab##.") and reasons[0].startswith('parameter changed: backend "flow" -> "sam-2", flow.sign "~" -> (')

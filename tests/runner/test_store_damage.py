@@ -25,14 +25,14 @@ def cases(kinds: Sequence[str], swift: Sequence[str] = SWIFT) -> list[Any]:
 
 @pytest.mark.parametrize(("kind", "how", "seed"), cases(KINDS))
 def test_a_damaged_file_is_healed_by_the_next_run(kind: str, how: str, seed: int, tmp_path: Path) -> None:
-    """With every cache in place; `verify` after the run finds nothing."""
+    """Caches are in place; `verify` after the run finds nothing."""
     project = built(tmp_path, kind)
     assert healed(project, kind, how, random.Random(f"{kind} {how} {seed}"), cache=True, verify_first=False) == []
 
 
 @pytest.mark.parametrize(("kind", "how", "seed"), cases(STORED))
 def test_a_damaged_file_is_healed_without_caches(kind: str, how: str, seed: int, tmp_path: Path) -> None:
-    """Without .cache, as after an early kill or in a copied store."""
+    """The folder .cache is missing, as after an early kill or in a copied store."""
     project = built(tmp_path, kind)
     assert healed(project, kind, how, random.Random(f"{kind} {how} {seed}"), cache=False, verify_first=False) == []
 

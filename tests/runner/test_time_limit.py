@@ -118,7 +118,7 @@ def test_equally_deep_tasks_run_in_order(project: Project) -> None:
 
 
 def test_tasks_behind_an_intermediate_collect_go_first(project: Project) -> None:
-    """They are less deep than others, but the users of the list cannot begin without them."""
+    """Users of the list cannot begin without them, although other tasks are deeper."""
     g = Graph()
     quick, word = g.leaf("quick", Word("q", "x")), g.leaf("word", Word("w", "y"))
     deep = g.named("deep").add(shout.run, part=g.named("first").add(shout.run, part=quick, word=quick, params=shout.Params()),

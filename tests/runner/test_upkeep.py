@@ -20,7 +20,7 @@ def project(tmp_path: Path) -> Project:
 
 
 def test_lineage_leads_to_the_leafs(project: Project) -> None:
-    """From a digest, a prefix of it or a path, through every stage, to values from outside."""
+    """A digest, a prefix of it or a path leads through every stage to values from outside."""
     report = project.run("ab")
     digest = report.outputs["join"][0][1]
     runner = project.runner()
@@ -64,7 +64,7 @@ def test_gc_keeps_what_is_in_use(project: Project) -> None:
 
 
 def test_gc_waits_for_no_run_and_disturbs_none(project: Project) -> None:
-    """It is refused in one sentence during a run."""
+    """Garbage collection is refused in one sentence during a run."""
     project.run("ab")
     lease = Lease(project.store / "leases" / "store.lock", shared=True)
     with pytest.raises(StoreError, match="a run is using"):
@@ -74,7 +74,7 @@ def test_gc_waits_for_no_run_and_disturbs_none(project: Project) -> None:
 
 
 def test_blobs_are_read_only(project: Project) -> None:
-    """They cannot be edited by accident."""
+    """Accidental edits fail."""
     project.run("ab")
     for path in (project.store / "blobs").glob("??/*"):
         assert stat.S_IMODE(os.stat(path).st_mode) == 0o444
@@ -103,7 +103,7 @@ def test_gc_keeps_what_was_used_last_also_when_another_run_was_open(project: Pro
 
 
 def test_the_last_use_is_known_without_the_index(project: Project) -> None:
-    """After an undo the older traces are current; gc keeps them although .cache is gone."""
+    """Older traces are current after an undo; gc keeps them although .cache is gone."""
     project.run("ab")
     project.edit("toy/helper.py", '"!"', '"?"')
     project.run("ab")

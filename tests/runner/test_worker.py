@@ -131,7 +131,7 @@ def test_a_flipped_byte_of_compiled_code_is_found_before_it_runs(places: tuple[f
 
 
 def test_a_child_process_of_a_stage_shares_the_compiled_code(compiled: tuple[Path, str]) -> None:
-    """It inherits the folder by its environment, and leaves the code that workers have compiled as it is."""
+    """The child inherits the folder by its environment, and leaves the code that workers have compiled unchanged."""
     store, script = compiled
     (folder,) = (store / "store" / ".cache" / "numba").iterdir()
     code = str(store / "code")

@@ -1,4 +1,4 @@
-"""Runs the toy graph in a process of its own, which a test may kill: store, code, jobs, sleep, words..."""
+"""Run the toy graph in a process that a test may kill. Arguments: store, code, jobs, sleep, words..."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A copy of the toy domain that a test may edit, run and break."""
+"""Copy of the toy domain that a test may edit, run and break."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Project:
         path.write_text(text.replace(old, new))
 
     def executed(self) -> Counter[str]:
-        """Stage -> executions since the last call."""
+        """Map each stage to its number of executions since the last call."""
         if not self.log.exists():
             return Counter()
         lines = self.log.read_text().split("\n")[:-1]
@@ -55,7 +55,7 @@ class Project:
 
 
 def graph(*words: str, params: shout.Params | None = None) -> Graph:
-    """Words -> parts -> capitals -> first letters -> one word."""
+    """Build the graph: words -> parts -> capitals -> first letters -> one word."""
     g = Graph()
     word = g.each(g.leaf("words", tuple(Word(f"w{i}", text) for i, text in enumerate(words))))
     part = g.each(g.add(split.run, word=word, params=split.Params()))
@@ -66,7 +66,7 @@ def graph(*words: str, params: shout.Params | None = None) -> Graph:
 
 
 def text(project: Project, report: RunReport) -> str:
-    """What `join` made."""
+    """Text of the output of `join`."""
     value = project.runner().load(report.outputs["join"][0][1])
     assert isinstance(value, Word)
     return value.text

@@ -49,7 +49,7 @@ def test_strangers_are_refused(tmp_path: Path) -> None:
         ablation_report.run(recipes(("full",), 1), (scores("other-0", 0.5),), ablation_report.Params(), Scratch(tmp_path))
 
 
-def test_before_anything_is_finished_the_plan_is_told(tmp_path: Path) -> None:
+def test_the_plan_is_listed_without_finished_rows(tmp_path: Path) -> None:
     """A run that had too little time for a single row."""
     tree = ablation_report.run(recipes(("full", "k1"), 2), (), ablation_report.Params(), Scratch(tmp_path))
     metrics = json.loads(tree.find("metrics.json").path.read_text())

@@ -94,7 +94,7 @@ def test_masks_are_padded_above_and_crops_are_cut_with_a_margin(tmp_path: Path) 
 
 
 def test_the_benchmark_reads_it_back(tmp_path: Path) -> None:
-    """As cases with every mode, in the rows that they belong to, without anything odd."""
+    """Cases with all modes, in their groups, without notes."""
     stills = (still(1, mode(1, 0.7), mode(0, 0.3)), still(2, mode(2, 1.0, shift=6), text="lift mug"))
     root = written(tmp_path, room(*stills))
     read = [cases.read(case) for case in act_affordance.cases(files.tree("test", root))]

@@ -31,8 +31,8 @@ def report(compared: tuple[Path, RunReport]) -> dict[str, Path]:
     return {ref.name: ref.path for ref in Store(store, CODEC).load(digest).files}
 
 
-def test_every_method_has_the_promised_metrics(report: dict[str, Path]) -> None:
-    """`small.iou` and its friends, in kitchens of the cropped set; other groups, whole images and compat under prefixes."""
+def test_metrics_of_all_methods(report: dict[str, Path]) -> None:
+    """`small.iou` and other measures, in kitchens of the cropped set; other groups, whole images and compat under prefixes."""
     metrics = json.loads(report["metrics.json"].read_text())
     for name in ("small.iou", "small.precision", "small.hd_px", "small.map", "small.taxonomy_accuracy", "whole_object.iou",
                  "whole_object.precision", "shift.small.iou", "masks.small.iou", "epic.small.hand_iou", "compat.all.lisa.map",
@@ -57,7 +57,7 @@ def test_the_same_again_runs_nothing_and_another_measure_predicts_nothing(
         compared: tuple[Path, RunReport], tmp_path: Path) -> None:  # fmt: skip
     """Predictions do not hang on the parameters of the scores."""
     from maps.settings import Origin, Settings
-    from maps.twohands import compare
+    from maps.twohands import benchmark_report
     from runner import Graph, Runner
     from stages.twohands import benchmark, score_cases
 
@@ -67,7 +67,7 @@ def test_the_same_again_runs_nothing_and_another_measure_predicts_nothing(
     cases, data, model, other = made_comparison.inputs(tmp_path / "other")
     g = Graph()
     settings = Settings.of(score_cases=score_cases.Params(levels=(0.4, 0.6)), benchmark=benchmark.Params(resamples=50))
-    g.target("benchmark", compare(g, g.leaf("cases", cases), g.leaf("data", data), g.leaf("model", model),
+    g.target("benchmark", benchmark_report(g, g.leaf("cases", cases), g.leaf("data", data), g.leaf("model", model),
                                   Origin("tiny", predictions=(other,)), settings))  # fmt: skip
     changed = Runner(store, ROOT, "afford.codecs:CODEC", "afford.common.worker:prepare", jobs=0).run(g, "benchmark")
     assert changed.ok and all(name.startswith("score_") or name == "benchmark" for name in changed.ran)
@@ -92,7 +92,7 @@ def test_groups_are_means_of_their_own_cases() -> None:
 
 
 def test_confusion_counts_true_by_row() -> None:
-    """One left told left, one right told left; a case without a told class does not count."""
+    """One left predicted left, one right predicted left; a case without a predicted class does not count."""
     scores = made_scores("m", [0, 0, 0], [("all", "kitchen")] * 3)
     counts = tables.confusion(scores, np.ones(3, bool))
     assert counts is not None and counts[0, 0] == counts[1, 0] == 1 and counts.sum() == 2

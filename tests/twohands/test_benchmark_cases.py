@@ -57,7 +57,7 @@ def test_groups_tell_sources_and_scenes(cases: dict[str, Case]) -> None:
     assert found["cropped/W95_01/0000002"] == ("all", "shift")
 
 
-def test_every_mode_is_read(cases: dict[str, Case]) -> None:
+def test_modes_are_read(cases: dict[str, Case]) -> None:
     """null is a hand that a mode does not take; a folder without modes.json has one mode."""
     case = cases["cropped/P95_01/0000001"]
     assert case.modes.any(axis=(2, 3)).tolist() == [[False, True], [True, False], [True, True]]
@@ -96,22 +96,22 @@ def corrupt(folder: Path, how: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("how", "said"),
+    ("how", "message"),
     [("no annotation", "annotation.json, got no such file"), ("no region", "a region in every mode"), ("no picture", "a grey PNG"),
      ("unknown mode", "mode7_left.png"), ("no mode", "one per mode"), ("narration", "'narration': expected str"),
      ("taxonomy", "four numbers, one of them 1"), ("groups", "a list of plain words")],
 )  # fmt: skip
-def test_bad_cases_are_refused_in_one_sentence(tmp_path: Path, how: str, said: str) -> None:
-    """Which file, which field, what was expected."""
+def test_bad_cases_are_refused_in_one_sentence(tmp_path: Path, how: str, message: str) -> None:
+    """The error names the file, the field and the expected value."""
     folder = write_case(tmp_path, "cropped/P01_01/0000001", "take mug", "left", {"aff_left": box(1, 1, 9, 9)})
     corrupt(folder, how)
     with pytest.raises(SourceError, match="cropped/P01_01/0000001") as refused:
         read(act_affordance.cases(as_tree(tmp_path))[0])
-    assert said in str(refused.value) and "\n" not in str(refused.value)
+    assert message in str(refused.value) and "\n" not in str(refused.value)
 
 
 def test_a_folder_without_cases_is_refused(tmp_path: Path) -> None:
-    """As is one that does not exist, or a link that leaves it."""
+    """A missing folder, or a link to the outside, is refused too."""
     with pytest.raises(SourceError, match=r"cropped/<video>/<frame>/inpainting.png"):
         act_affordance.cases(as_tree(tmp_path))
     with pytest.raises(SourceError, match="expected a folder, got nothing"):

@@ -29,8 +29,8 @@ def test_overlap_by_hand() -> None:
     assert measures.overlap(box(10, 10, 20, 20), box(10, 10, 30, 30)) == pytest.approx((0.25, 1.0, 0.25, 0.4))
 
 
-def test_nothing_found_scores_zero_and_the_diagonal() -> None:
-    """Strict punishes silence: 0, and sqrt(855^2 + 855^2) px."""
+def test_an_empty_prediction_scores_zero_and_the_diagonal() -> None:
+    """Strict measures are 0, and the distance is sqrt(855^2 + 855^2) px."""
     none, truth = np.zeros((855, 855), bool), box(1, 1, 9, 9, (855, 855))
     assert measures.overlap(none, truth) == (0, 0, 0, 0) and measures.precision(none, truth) == 0
     assert measures.hausdorff(none, truth) == pytest.approx((1209.15, 1209.15), abs=0.01)

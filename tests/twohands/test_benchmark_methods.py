@@ -1,4 +1,4 @@
-"""What methods say: masks in the released layout, stored probabilities, baselines; and what they score."""
+"""Predictions of methods (masks in the released layout, stored probabilities, baselines) and their scores."""
 
 from __future__ import annotations
 
@@ -41,45 +41,45 @@ def truth_as_predictions(root: Path, threshold: str = "") -> Path:
     for case in (case for case in cases.values() if case.protocol == "cropped"):
         for side, mask in zip(("left", "right"), case.modes[0], strict=True):
             if mask.any():
-                write_mask(root / "said" / threshold / case.video / case.frame / f"aff_{side}.png", mask)
-    return root / "said"
+                write_mask(root / "masks" / threshold / case.video / case.frame / f"aff_{side}.png", mask)
+    return root / "masks"
 
 
 def test_the_truth_as_a_folder_scores_one(bench: FileTree, tmp_path: Path) -> None:
-    """Every cropped case: strict and compat IoU 1; whole images have no prediction: strict 0, compat skips them."""
+    """Cropped cases: strict and compat IoU 1; whole images have no prediction: strict 0, compat skips them."""
     scores = score_cases.run(bench, as_tree(truth_as_predictions(tmp_path)), score_cases.Params())
     cropped = np.array([protocol == "cropped" for protocol in scores.protocol])
     iou, answered = (scores.values[:, MEASURES.index(name)] for name in ("iou", "answered"))
     assert (iou[cropped] == 1).all() and (iou[~cropped] == 0).all() and answered.tolist() == cropped.astype(float).tolist()
     assert (scores.compat[cropped, 0, :2] == 1).all() and np.isnan(scores.compat[~cropped]).all()
-    assert scores.name == "said" and scores.level == (0.0,)
+    assert scores.name == "masks" and scores.level == (0.0,)
 
 
 def test_swapped_hands_keep_the_union_and_lose_the_hands(bench: FileTree, tmp_path: Path) -> None:
     """IoU of the union stays 1, that of each hand falls to 0."""
-    said = as_tree(truth_as_predictions(tmp_path))
-    scores = score_cases.run(bench, said, score_cases.Params(swap=True))
+    predicted = as_tree(truth_as_predictions(tmp_path))
+    scores = score_cases.run(bench, predicted, score_cases.Params(swap=True))
     case = "cropped/P01_01/0000140"
     assert (value(scores, case, "iou"), value(scores, case, "hand_iou"), value(scores, case, "hands_accuracy")) == (1, 0, 1)
-    assert value(scores, "cropped/P01_01/0000150", "hands_accuracy") == 0 and scores.name == "said_swapped"
+    assert value(scores, "cropped/P01_01/0000150", "hands_accuracy") == 0 and scores.name == "masks_swapped"
 
 
 def test_threshold_folders_give_map_and_the_best_is_reported(bench: FileTree, tmp_path: Path) -> None:
-    """At 0.1 twice the area (precision 0.5), at 0.5 the truth: mAP 0.75; strict takes 0.5 unless told otherwise."""
-    name, said = "P01_01/0000150", tmp_path / "said"
-    write_mask(said / "out0.1" / name / "aff_right.png", box(30, 20, 70, 40))
-    write_mask(said / "out0.5" / name / "aff_right.png", RIGHT)
-    scores = score_cases.run(bench, as_tree(said), score_cases.Params())
+    """Double the area at 0.1 (precision 0.5) and the truth at 0.5 give mAP 0.75; the default level is 0.5."""
+    name, predicted = "P01_01/0000150", tmp_path / "masks"
+    write_mask(predicted / "out0.1" / name / "aff_right.png", box(30, 20, 70, 40))
+    write_mask(predicted / "out0.5" / name / "aff_right.png", RIGHT)
+    scores = score_cases.run(bench, as_tree(predicted), score_cases.Params())
     case = f"cropped/{name}"
     assert scores.level == (0.1, 0.5) and (value(scores, case, "iou"), value(scores, case, "map")) == (1, 0.75)
     assert scores.compat[scores.case_id.index(case), :, 1].tolist() == [0.5, 1]
-    assert value(score_cases.run(bench, as_tree(said), score_cases.Params(level=0.1)), case, "iou") == 0.5
+    assert value(score_cases.run(bench, as_tree(predicted), score_cases.Params(level=0.1)), case, "iou") == 0.5
     with pytest.raises(ValueError, match=r"expected a folder of threshold 0.3, found 0.1, 0.5"):
-        score_cases.run(bench, as_tree(said), score_cases.Params(level=0.3))
+        score_cases.run(bench, as_tree(predicted), score_cases.Params(level=0.3))
 
 
 def test_folders_of_predictions_that_cannot_be_read_are_refused(tmp_path: Path) -> None:
-    """None at all, a folder above that is no threshold, and thresholds mixed with none."""
+    """No masks, a folder name without a threshold, and thresholds in some folders only."""
     with pytest.raises(SourceError, match=r"aff_left.png or aff_right.png, got none"):
         answers.Masks(as_tree(tmp_path), 0.5, "cropped")
     write_mask(tmp_path / "a" / "v" / "1" / "aff_left.png", LEFT)
@@ -88,7 +88,7 @@ def test_folders_of_predictions_that_cannot_be_read_are_refused(tmp_path: Path) 
     mixed = tmp_path / "mixed"
     write_mask(mixed / "v" / "1" / "aff_left.png", LEFT)
     write_mask(mixed / "0.5" / "v" / "1" / "aff_left.png", LEFT)
-    with pytest.raises(ValueError, match="use one way for all"):
+    with pytest.raises(ValueError, match="use one form for all"):
         answers.Masks(as_tree(mixed), 0.5, "cropped")
 
 
@@ -102,20 +102,20 @@ def made_prediction() -> Prediction:
 
 def test_probabilities_are_ranked_cut_and_selected() -> None:
     """The first-ranked region above the threshold, of returned hands only; the choice of hands can be looked behind."""
-    said = of_prediction(made_prediction(), SIZE, (0.3, 0.5), 3)
-    assert not said.top[0].any() and np.array_equal(said.top[1], RIGHT)
-    assert np.array_equal(said.cuts[0, 1], RIGHT) and not said.cuts[1].any()
-    assert said.unselected is not None and np.array_equal(said.unselected[0], LEFT)
-    assert said.files[0][0] is None and said.files[0][1] is not None and set(np.unique(said.files[0][1])) == {0, 255}
+    predicted = of_prediction(made_prediction(), SIZE, (0.3, 0.5), 3)
+    assert not predicted.top[0].any() and np.array_equal(predicted.top[1], RIGHT)
+    assert np.array_equal(predicted.cuts[0, 1], RIGHT) and not predicted.cuts[1].any()
+    assert predicted.unselected is not None and np.array_equal(predicted.unselected[0], LEFT)
+    assert predicted.files[0][0] is None and predicted.files[0][1] is not None and set(np.unique(predicted.files[0][1])) == {0, 255}
 
 
 def test_proposals_are_the_most_probable_ways() -> None:
     """Right alone 0.7 times 0.7 and 0.3, then both (0.2 times its joint rank); a model of one region differs in hands alone."""
-    said = of_prediction(made_prediction(), SIZE, (0.5,), 3).proposals
-    assert [list(way.any((1, 2))) for way in said] == [[False, True], [False, True], [True, True]]
-    assert np.array_equal(said[0, 1], RIGHT) and np.array_equal(said[1, 1], LEFT) and np.array_equal(said[2, 0], LEFT)
-    told = made_prediction()
-    one = replace(told, probability=told.probability[:, :1], score=np.ones((2, 1), np.float32))
+    found = of_prediction(made_prediction(), SIZE, (0.5,), 3).proposals
+    assert [list(way.any((1, 2))) for way in found] == [[False, True], [False, True], [True, True]]
+    assert np.array_equal(found[0, 1], RIGHT) and np.array_equal(found[1, 1], LEFT) and np.array_equal(found[2, 0], LEFT)
+    fixed = made_prediction()
+    one = replace(fixed, probability=fixed.probability[:, :1], score=np.ones((2, 1), np.float32))
     assert [list(way.any((1, 2))) for way in of_prediction(one, SIZE, (0.5,), 3).proposals] == [
         [False, True], [True, True], [True, False]]  # fmt: skip
     sure = replace(one, taxonomy=np.full(4, np.nan, np.float32))
@@ -124,33 +124,34 @@ def test_proposals_are_the_most_probable_ways() -> None:
 
 def test_the_marginal_joins_hypotheses_and_hands() -> None:
     """Left: 0.8 of 0.9, times P(left) = 1 - 0.7; right: 0.7 of 0.4, times P(right) = 1 - 0.1."""
-    said = of_prediction(made_prediction(), SIZE, (0.5,), 3)
-    assert said.marginal is not None
-    assert said.marginal[0, 15, 15] == pytest.approx(0.8 * 0.9 * 0.3) and said.marginal[1, 30, 60] == pytest.approx(0.7 * 0.4 * 0.9)
+    found = of_prediction(made_prediction(), SIZE, (0.5,), 3)
+    assert found.marginal is not None
+    assert found.marginal[0, 15, 15] == pytest.approx(0.8 * 0.9 * 0.3)
+    assert found.marginal[1, 30, 60] == pytest.approx(0.7 * 0.4 * 0.9)
 
 
 def test_stored_predictions_come_back(tmp_path: Path) -> None:
-    """To 1/255; a case that was not asked has none; the same bytes every time."""
-    said = made_prediction()
+    """Probabilities come back to 1/255, other cases have no prediction, and equal predictions give equal bytes."""
+    found = made_prediction()
     for name in ("a", "b"):
-        predictions_file.write_predictions(tmp_path / name, [("cropped/v/1", said), ("cropped/v/2", said)])
+        predictions_file.write_predictions(tmp_path / name, [("cropped/v/1", found), ("cropped/v/2", found)])
     back = predictions_file.PredictionFile(tmp_path / "a").get("cropped/v/2")
-    assert back is not None and np.abs(back.probability - said.probability).max() <= 0.5 / 255 + 1e-6
-    assert np.array_equal(back.score, said.score) and np.array_equal(back.hands, said.hands) and back.threshold == said.threshold
+    assert back is not None and np.abs(back.probability - found.probability).max() <= 0.5 / 255 + 1e-6
+    assert np.array_equal(back.score, found.score) and np.array_equal(back.hands, found.hands) and back.threshold == found.threshold
     assert predictions_file.PredictionFile(tmp_path / "a").get("cropped/v/3") is None
     assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
 
 
 def test_silence_is_no_file_and_no_region() -> None:
     """Strict scores it 0, compat does not count it."""
-    said = nothing(SIZE, (0.1, 0.5))
-    assert not said.cuts.any() and said.files == ((None, None), (None, None))
+    predicted = nothing(SIZE, (0.1, 0.5))
+    assert not predicted.cuts.any() and predicted.files == ((None, None), (None, None))
 
 
 def test_whole_object_by_hand(bench: FileTree, tmp_path: Path) -> None:
-    """20 x 20 px inside the complete object; the hand that rests gets a mask too many; Ego4D names no object: nothing said."""
-    said = baseline_cases.run(bench, NONE, baseline_cases.Params(), Scratch(tmp_path))
-    scores = score_cases.run(bench, said, score_cases.Params())
+    """20 x 20 px inside the complete object; the hand that rests gets a mask too many; Ego4D has no object: no prediction."""
+    predicted = baseline_cases.run(bench, NONE, baseline_cases.Params(), Scratch(tmp_path))
+    scores = score_cases.run(bench, predicted, score_cases.Params())
     union = box(5, 5, 40, 40) | box(40, 10, 78, 50)
     case = "cropped/P01_01/0000140"
     assert value(scores, case, "precision") == pytest.approx(800 / union.sum()) and value(scores, case, "recall") == 1
@@ -162,8 +163,8 @@ def test_whole_object_by_hand(bench: FileTree, tmp_path: Path) -> None:
 
 def test_modes_count_for_the_best(bench: FileTree, tmp_path: Path) -> None:
     """The left way of a task whose first way is the right: IoU 1, first-mode IoU 0; best-mode IoU is over all three."""
-    write_mask(tmp_path / "said" / "P95_01" / "0000001" / "aff_left.png", LEFT)
-    scores = score_cases.run(bench, as_tree(tmp_path / "said"), score_cases.Params())
+    write_mask(tmp_path / "masks" / "P95_01" / "0000001" / "aff_left.png", LEFT)
+    scores = score_cases.run(bench, as_tree(tmp_path / "masks"), score_cases.Params())
     case = "cropped/P95_01/0000001"
     assert (value(scores, case, "iou"), value(scores, case, "first_mode_iou"), value(scores, case, "hands_accuracy")) == (1, 0, 1)
     assert value(scores, case, "best_mode_iou") == pytest.approx((0 + 1 + 0.5) / 3)
@@ -171,24 +172,24 @@ def test_modes_count_for_the_best(bench: FileTree, tmp_path: Path) -> None:
 
 def test_taxonomy_is_open_where_the_words_do_not_tell(bench: FileTree, tmp_path: Path) -> None:
     """`take mug` is done with the right hand in one picture and with the left in another; `open jar` is always the same."""
-    told = Prediction("", np.zeros((2, 1, *SIZE), np.float32), np.ones((2, 1), np.float32),
+    fixed = Prediction("", np.zeros((2, 1, *SIZE), np.float32), np.ones((2, 1), np.float32),
                       np.array([0.1, 0.7, 0.1, 0.1], np.float32), np.array([False, True]), 0.5)
-    rows = [(files.where, told) for files in act_affordance.cases(bench)]
+    rows = [(files.where, fixed) for files in act_affordance.cases(bench)]
     predictions_file.write_predictions(tmp_path / predictions_file.FILE_NAME, rows)
-    scores = score_cases.run(bench, tree("told", tmp_path), score_cases.Params())
+    scores = score_cases.run(bench, tree("fixed", tmp_path), score_cases.Params())
     assert value(scores, "cropped/P01_01/0000150", "taxonomy_open_accuracy") == 1
     assert value(scores, "cropped/P02_03/0000007", "taxonomy_open_accuracy") == 0
     assert np.isnan(value(scores, "cropped/P01_01/0000140", "taxonomy_open_accuracy"))
     assert value(scores, "cropped/P95_01/0000001", "taxonomy_accuracy") == 1
     report = benchmark.run((scores,), (), benchmark.Params(resamples=20), Scratch(tmp_path / "r"))
-    assert "### Taxonomy, told, cropped" in report.find("report.md").path.read_text()
+    assert "### Taxonomy, fixed, cropped" in report.find("report.md").path.read_text()
 
 
-def test_words_are_exchanged_or_removed() -> None:
-    """Nobody keeps the own task; seeded; one wording cannot be shuffled."""
+def test_prompts_are_shuffled_or_removed() -> None:
+    """No case keeps its own task; shuffling is seeded; a single wording cannot be shuffled."""
     given = ["take mug", "open jar", "take mug", "cut bread"]
-    told = cases_module.prompts(given, "shuffled", 0)
-    assert all(a != b for a, b in zip(given, told, strict=True)) and told == cases_module.prompts(given, "shuffled", 0)
+    fixed = cases_module.prompts(given, "shuffled", 0)
+    assert all(a != b for a, b in zip(given, fixed, strict=True)) and fixed == cases_module.prompts(given, "shuffled", 0)
     assert cases_module.prompts(given, "removed", 0) == [""] * 4 and cases_module.prompts(given, "given", 0) == given
     with pytest.raises(ValueError, match="at least two different tasks"):
         cases_module.prompts(["take mug"] * 3, "shuffled", 0)
@@ -201,8 +202,8 @@ def packed(folder: Path) -> FileTree:
 
 def test_class_mean_learns_where_hands_go(bench: FileTree, tmp_path: Path) -> None:
     """A mean has the mean area at 0.5 and the class's usual hands; without a data set it is refused."""
-    said = baseline_cases.run(bench, packed(tmp_path / "data"), baseline_cases.Params("class_mean"), Scratch(tmp_path / "out"))
-    found = predictions_file.PredictionFile(said.files[0].path).get("cropped/P01_01/0000140")
+    predicted = baseline_cases.run(bench, packed(tmp_path / "data"), baseline_cases.Params("class_mean"), Scratch(tmp_path / "out"))
+    found = predictions_file.PredictionFile(predicted.files[0].path).get("cropped/P01_01/0000140")
     assert found is not None and np.isfinite(found.taxonomy).all() and found.taxonomy.sum() == pytest.approx(1)
     assert (found.probability[found.hands] > 0.5).any()
     with pytest.raises(ValueError, match="class_mean: expected a data set"):
@@ -214,8 +215,8 @@ def test_the_extraction_answers_for_its_own_frames(tmp_path: Path) -> None:
     data = packed(tmp_path / "data")
     write_case(tmp_path / "b", "masks/P00_01/0000001", "open jar", "left", {"aff_left": box(0, 90, 9, 96, (96, 96))})
     write_case(tmp_path / "b", "masks/P77_01/0000001", "open jar", "left", {"aff_left": box(0, 90, 9, 96, (96, 96))})
-    said = baseline_cases.run(as_tree(tmp_path / "b"), data, baseline_cases.Params("extraction"), Scratch(tmp_path / "out"))
-    table = predictions_file.PredictionFile(said.files[0].path)
+    predicted = baseline_cases.run(as_tree(tmp_path / "b"), data, baseline_cases.Params("extraction"), Scratch(tmp_path / "out"))
+    table = predictions_file.PredictionFile(predicted.files[0].path)
     found = table.get("masks/P00_01/0000001")
     truth = clip("P00_01", 9, split="train").samples[0].masks[:2]
     assert found is not None and table.get("masks/P77_01/0000001") is None
@@ -225,8 +226,8 @@ def test_the_extraction_answers_for_its_own_frames(tmp_path: Path) -> None:
 
 def test_methods_of_one_name_or_of_other_cases_cannot_be_compared(bench: FileTree, tmp_path: Path) -> None:
     """The message says which."""
-    said = baseline_cases.run(bench, NONE, baseline_cases.Params("centre"), Scratch(tmp_path / "a"))
-    scores = score_cases.run(bench, said, score_cases.Params())
+    predicted = baseline_cases.run(bench, NONE, baseline_cases.Params("centre"), Scratch(tmp_path / "a"))
+    scores = score_cases.run(bench, predicted, score_cases.Params())
     with pytest.raises(ValueError, match="two methods are called centre"):
         benchmark.run((scores,), (scores,), benchmark.Params(), Scratch(tmp_path / "b"))
     write_case(tmp_path / "other", "cropped/P01_01/0000001", "take mug", "left", {"aff_left": LEFT})

@@ -62,7 +62,7 @@ def site(model: Path) -> Iterator[Site]:
 
 
 class Reply:
-    """What came back."""
+    """Reply of the server."""
 
     def __init__(self, reply: http.client.HTTPResponse) -> None:
         self.status, self.headers, self.body = reply.status, reply.headers, reply.read()
@@ -99,7 +99,7 @@ def predict(site: Site, data: bytes, task: str = TASK, hands: str = "both") -> R
 
 
 def test_the_page_its_parts_and_the_examples(site: Site) -> None:
-    """With their types, a policy that allows nothing from elsewhere, and nothing that points elsewhere."""
+    """Content types, a policy without external sources, and no external links."""
     kinds = {"/": "text/html", "/page.css": "text/css", "/page.js": "text/javascript", "/examples/0.jpg": "image/jpeg"}
     for path, kind in kinds.items():
         reply = ask(site, "GET", path)
@@ -124,7 +124,7 @@ def test_an_answer_is_that_of_the_python_api(site: Site, model: Path) -> None:
 
 
 def test_unknown_words_are_in_the_answer(site: Site) -> None:
-    """And the known ones beside the model's name; null where a model does not say."""
+    """The description of the model has the known words, or null."""
     assert ask(site, "GET", "/model.json").json["words"] == {"verbs": ["cut", "pour"], "things": ["bread", "kettle"]}
     assert predict(site, png(tiny_asked.picture())).json["unknown_words"] == []
     assert predict(site, png(tiny_asked.picture()), "pour the zorgblatt").json["unknown_words"] == ["zorgblatt"]
@@ -149,10 +149,10 @@ def test_large_pictures_come_back_at_the_pages_size(site: Site) -> None:
     ],
     ids=["words", "empty", "no task", "long task", "hands", "pixels", "bytes"],
 )
-def test_what_cannot_be_answered_is_said_in_one_sentence(
+def test_bad_requests_get_one_sentence(
     data: bytes, task: str, hands: str, status: int, hint: str, site: Site
 ) -> None:
-    """With the status that fits; the next question is answered."""
+    """The error has a fitting status, and the next request is served."""
     refused = predict(site, data, task, hands)
     assert refused.status == status and hint in refused.json["error"] and "\n" not in refused.json["error"]
     assert predict(site, png(tiny_asked.picture())).status == 200
@@ -164,14 +164,14 @@ def test_what_cannot_be_answered_is_said_in_one_sentence(
      ("GET", "/../../pyproject.toml", 404), ("GET", "/%2e%2e/server.py", 404), ("GET", "/server.py", 404),
      ("GET", "//page.css/..", 404), ("GET", "/examples/../page.js", 404), ("GET", "/examples/1.jpg", 404)],
 )  # fmt: skip
-def test_there_is_nothing_else(method: str, path: str, status: int, site: Site) -> None:
+def test_other_paths_and_methods_are_refused(method: str, path: str, status: int, site: Site) -> None:
     """No path leads to a file."""
     refused = ask(site, method, path, b"" if method == "POST" else None)
     assert refused.status == status and refused.json["error"]
 
 
 def test_requests_without_a_true_length_are_refused(site: Site) -> None:
-    """None, or no number."""
+    """A missing length, or one that is not a number."""
     assert ask(site, "POST", "/predict?task=x").status == 411
     assert ask(site, "POST", "/predict?task=x", b"abc", Content_Length="-3").status == 400
 
@@ -225,7 +225,7 @@ def test_examples_are_stills_of_a_rendered_set(tmp_path: Path) -> None:
 
 
 def test_examples_after_a_training_are_held_out_samples(model: Path, tmp_path: Path) -> None:
-    """Of the validation part of the data set that the model's card names, where the store holds it; each task once."""
+    """Validation samples of the data set in the model's card, if the store has it; each task once."""
     clips = tuple(clip(f"P01_0{n}", 8, split=split, height=180, width=320) for n, split in enumerate(("train", "val", "val")))
     packed = dataset_pack.run(clips, dataset_pack.Params(sheet_samples=1), Scratch(tmp_path / "packed"))
     store, folder = tmp_path / "store", tmp_path / "store" / "models" / "small"
@@ -255,10 +255,8 @@ def test_the_verb_refuses_what_it_cannot_serve(site: Site, model: Path, tmp_path
     assert alien.code == 2 and "--host 192.0.2.1 --port 0: expected an address of this machine" in alien.words
 
 
-def test_the_verb_serves_until_it_is_stopped(model: Path, tmp_path: Path) -> None:
-    """As a user starts it: the address on the terminal, a page there, and the interrupt ends it with 0. A set that cannot be
-    read costs the examples alone.
-    """
+def test_the_demo_command_serves_until_interrupted(model: Path, tmp_path: Path) -> None:
+    """The terminal shows the address, an interrupt ends the command with 0, and a damaged set costs only the examples."""
     broken = tmp_path / "benchmarks" / "set" / "masks" / "room" / "1"
     broken.mkdir(parents=True)
     (broken / "inpainting.png").write_bytes(b"no image")
@@ -274,8 +272,8 @@ def test_the_verb_serves_until_it_is_stopped(model: Path, tmp_path: Path) -> Non
         assert started.wait(30) == 0 and "stopped" in started.stderr.read()
 
 
-def test_only_this_machine_reaches_it_unless_asked() -> None:
-    """The default is local, and so are the other names of it."""
+def test_loopback_addresses() -> None:
+    """Names and addresses of this machine are loopback, others are not."""
     assert all(server.is_loopback(name) for name in ("127.0.0.1", "localhost", "::1", "127.8.8.8"))
     assert not any(server.is_loopback(name) for name in ("0.0.0.0", "::", "192.168.1.2", "example.org"))
 

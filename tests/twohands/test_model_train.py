@@ -1,4 +1,4 @@
-"""The stage that trains two-hand models: the same bytes again, resumed or not; every form of data set; what it leaves."""
+"""Stage model_train: equal bytes when run again or resumed, its outputs, and its parameters."""
 
 from __future__ import annotations
 
@@ -12,11 +12,13 @@ import pyarrow.parquet as pq
 import pytest
 import torch
 
-from afford.models.weights import weight_files
+from afford.models.weights import weight_files, with_local_weights
 from afford.recording.check_file import check_file
 from afford.recording.mcap_files import EPOCH_NS, open_recording
 from afford.training import curves, train
 from afford.training.job import read_job
+from afford.twohands.model.interface import build
+from afford.twohands.model.model_folder import save_model
 from afford.twohands.model.predictor import Predictor
 from schemas.files import FileTree
 from schemas.training import Recipe, Trained
@@ -42,7 +44,7 @@ def trained(dataset: FileTree, tmp_path_factory: pytest.TempPathFactory) -> Trai
 
 
 class Killed(Scratch):
-    """A context that ends the process, so to speak, after some steps."""
+    """Context that interrupts the training after some steps."""
 
     def progress(self, done: int, total: int) -> None:
         if done == 4:
@@ -53,26 +55,26 @@ def refs(tree: FileTree) -> list[tuple[str, str]]:
     return [(file.name, file.digest) for file in tree.files]
 
 
-def test_killed_and_run_again_gives_the_same_files(dataset: FileTree, trained: Trained, tmp_path: Path) -> None:
-    """Interrupted after a checkpoint and a few steps more, in another folder: every file is the same to the byte."""
+def test_a_resumed_training_gives_equal_files(dataset: FileTree, trained: Trained, tmp_path: Path) -> None:
+    """A training in another folder is interrupted one step after a checkpoint; every file is equal to the byte."""
     with pytest.raises(KeyboardInterrupt):
         model_train.run(dataset, PARAMS, Killed(tmp_path))
     assert refs(model_train.run(dataset, PARAMS, Scratch(tmp_path)).files) == refs(trained.files)
 
 
-def test_it_leaves_a_model_that_predicts(trained: Trained, tmp_path: Path) -> None:
-    """The folder alone is enough for the predictor, and holds the threshold that validation chose."""
+def test_the_saved_model_predicts(trained: Trained, tmp_path: Path) -> None:
+    """The folder is enough for the predictor, and contains the threshold of the best validation."""
     for file in trained.files.under("model"):
         (tmp_path / file.name.removeprefix("model/")).write_bytes(file.path.read_bytes())
     predictor = Predictor(tmp_path)
-    said = predictor.predict(np.zeros((50, 80, 3), np.uint8), "open jar")
+    found = predictor.predict(np.zeros((50, 80, 3), np.uint8), "open jar")
     thresholds = {curve.name: curve for curve in trained.log.curves}["val.threshold"]
-    assert said.probability.shape == (2, 3, 50, 80)
-    assert said.threshold == thresholds.value[thresholds.step == trained.log.best_step][0]
+    assert found.probability.shape == (2, 3, 50, 80)
+    assert found.threshold == thresholds.value[thresholds.step == trained.log.best_step][0]
 
 
-def test_it_leaves_the_words_that_taught_it(dataset: FileTree, trained: Trained) -> None:
-    """Verbs, things and words of the part `train`, beside the weights."""
+def test_the_vocabulary_is_that_of_the_training_split(dataset: FileTree, trained: Trained) -> None:
+    """words.json has the verbs, objects and words of `train`."""
     path = next(file.path for file in dataset.files if file.name.startswith("data/train-"))
     rows = pq.read_table(path, columns=["narration", "verb", "noun"]).to_pylist()
     words = json.loads(trained.files.find("model/words.json").path.read_text())
@@ -80,25 +82,27 @@ def test_it_leaves_the_words_that_taught_it(dataset: FileTree, trained: Trained)
     assert words["words"] == sorted({word for row in rows for word in row["narration"].lower().replace(",", "").split()})
 
 
-def test_curves_are_the_same_everywhere(trained: Trained) -> None:
-    """The log, the table and the event file say the same numbers at the same steps."""
+def test_curves_agree_in_log_table_and_events(trained: Trained) -> None:
+    """Equal values at equal steps in the log, the table and the event file."""
     table = pq.read_table(trained.files.find("history.parquet").path).to_pylist()
-    said = [(step, curve.name, value) for curve in trained.log.curves for step, value in zip(curve.step, curve.value, strict=True)]
-    assert [(row["step"], row["name"], row["value"]) for row in table] == said
-    assert {"train.total", "train.lr", "val.iou", "val.threshold"} <= {name for _, name, _ in said}
+    logged = [(step, curve.name, value) for curve in trained.log.curves
+              for step, value in zip(curve.step, curve.value, strict=True)]
+    assert [(row["step"], row["name"], row["value"]) for row in table] == logged
+    assert {"train.total", "train.lr", "val.iou", "val.threshold"} <= {name for _, name, _ in logged}
     found = read_events(trained.files.find(f"tensorboard/{curves.EVENTS_FILE}").path.read_bytes())
-    assert sorted(found) == sorted((step, name.replace(".", "/", 1), pytest.approx(value, rel=1e-6)) for step, name, value in said)
+    wanted = sorted((step, name.replace(".", "/", 1), pytest.approx(value, rel=1e-6)) for step, name, value in logged)
+    assert sorted(found) == wanted
 
 
-def test_the_card_says_where_it_comes_from(dataset: FileTree, trained: Trained) -> None:
+def test_the_card_names_licence_data_and_figures(dataset: FileTree, trained: Trained) -> None:
     """Licence of the data set, its digest, seeds and figures."""
     text = trained.files.find("card.md").path.read_text()
     assert f"license: {dataset_licence(dataset)}" in text and "| train | val |" in text
     assert '"seed": 5' in text and "| samples | 24 | 8 |" in text and "| iou |" in text
 
 
-def test_a_recipe_replaces_what_it_names(dataset: FileTree, tmp_path: Path) -> None:
-    """A row of an ablation trains another model under its own name; the rest is as the parameters say."""
+def test_a_recipe_overrides_parameters(dataset: FileTree, tmp_path: Path) -> None:
+    """A row of an ablation trains another model under its own name; other parameters are kept."""
     recipe = Recipe("k1-7", "k1", "small", 1, False, 1, "object", 7, "stills")
     found = model_train.run(dataset, replace(PARAMS, steps=2, validate_every=0), Scratch(tmp_path), recipe)
     config = json.loads(found.files.find("model/config.json").path.read_text())
@@ -106,8 +110,8 @@ def test_a_recipe_replaces_what_it_names(dataset: FileTree, tmp_path: Path) -> N
     assert found.log.best_step == 2 and "None: the last weights were kept" in found.files.find("card.md").path.read_text()
 
 
-def test_what_has_no_pretrained_parts_is_trained_whole(dataset: FileTree, tmp_path: Path) -> None:
-    """2HAff-CLIP from nothing is square, one micro-batch after the other at its full size, and none of it stays as it was."""
+def test_clip_without_backbones_is_trained_whole(dataset: FileTree, tmp_path: Path) -> None:
+    """2HAff-CLIP from random weights is square, trains at full size in sequence, and has no frozen parameters."""
     params = replace(PARAMS, steps=1, warmup=1, validate_every=0, val_samples=2, height_px=32, width_px=64)
     job = model_train._job(replace(params, variant="clip"))
     assert (job.config.size_px, job.config.frozen, job.plan.parallel, job.coarse_share) == ((32, 32), False, 1, 0)
@@ -120,27 +124,41 @@ def test_what_has_no_pretrained_parts_is_trained_whole(dataset: FileTree, tmp_pa
     assert model_train._job(PARAMS).plan.parallel == 2 and model_train._job(replace(PARAMS, devices=2)).plan.parallel == 1
 
 
-def test_where_pretrained_parts_lie_changes_nothing_and_what_they_hold_does(dataset: FileTree, tmp_path: Path) -> None:
-    """They come as an input; the parameter only calls them something."""
+def test_a_model_depends_on_the_content_of_backbones_only(tmp_path: Path) -> None:
+    """Equal weights in another folder give an equal model, other weights give another."""
     params = replace(PARAMS, variant="clip", steps=1, warmup=1, validate_every=0, val_samples=2, height_px=64, backbones="both")
 
-    def made(place: str, seed: int) -> dict[str, str]:
+    def saved(place: str, seed: int) -> dict[str, str]:
+        weights = weight_files(str(save_backbones(tmp_path / place, seed=seed)), digest)
+        model = build(model_train._job(with_local_weights(params, weights, "backbones")).config, params.seed)
+        save_model(model, tmp_path / f"{place}-model")
+        return {path.name: digest(path) for path in (tmp_path / f"{place}-model").rglob("*") if path.is_file()}
+
+    first = saved("here", 0)
+    assert saved("there", 0) == first != saved("other", 3)
+
+
+@pytest.mark.slow
+def test_a_training_depends_on_the_content_of_backbones_only(dataset: FileTree, tmp_path: Path) -> None:
+    """The whole stage, from one content in two folders and from another content."""
+    params = replace(PARAMS, variant="clip", steps=1, warmup=1, validate_every=0, val_samples=2, height_px=64, backbones="both")
+
+    def trained(place: str, seed: int) -> dict[str, str]:
         weights = weight_files(str(save_backbones(tmp_path / place, seed=seed)), digest)
         found = model_train.run(dataset, params, Scratch(tmp_path / f"{place}-scratch"), weights=weights)
         return {file.name: digest(file.path) for file in found.files.files if file.name.startswith("model/")}
 
-    first = made("here", 0)
-    assert made("there", 0) == first != made("other", 3)
+    first = trained("here", 0)
+    assert trained("there", 0) == first != trained("other", 3)
 
 
-def test_a_job_travels_as_text() -> None:
-    """What a process reads is what was sent."""
+def test_a_job_survives_json() -> None:
     job = model_train._job(PARAMS)
     assert read_job(job.to_json()) == job
 
 
-def test_the_recording_plots_and_shows(trained: Trained, tmp_path: Path) -> None:
-    """A topic per curve, a millisecond per step, the previews beside them; the file passes every check."""
+def test_the_recording_has_curves_and_previews(trained: Trained, tmp_path: Path) -> None:
+    """One topic for each curve, a millisecond for each step, and the previews; the file passes all checks."""
     tree = training_record.run(trained.log, trained.files, training_record.Params(), Scratch(tmp_path))
     assert check_file(tree.files[0].path) == []
     with open_recording(tree.files[0].path) as recording:
@@ -148,20 +166,20 @@ def test_the_recording_plots_and_shows(trained: Trained, tmp_path: Path) -> None
     assert {("/model_train/val/iou", 3), ("/model_train/val/iou", 6), ("/model_train/preview", 6)} <= set(times)
 
 
-def test_global_state_is_put_back(trained: Trained) -> None:
-    """Threads and deterministic algorithms are as they were before."""
+def test_global_state_is_restored(trained: Trained) -> None:
+    """Deterministic algorithms are off again after a training."""
     assert not torch.are_deterministic_algorithms_enabled()
 
 
 @pytest.mark.slow
 def test_two_devices_train_one_model(dataset: FileTree, tmp_path: Path) -> None:
-    """The stage starts the standard launcher; the result loads, and is the same when it is made again."""
+    """The stage starts torch.distributed.run, and two runs give equal files."""
     params = replace(PARAMS, devices=2, batch=2, steps=4)
-    made = []
+    files = []
     for name in "ab":
         (tmp_path / name).mkdir()
-        made.append(refs(model_train.run(dataset, params, Scratch(tmp_path / name)).files))
-    assert made[0] == made[1]
+        files.append(refs(model_train.run(dataset, params, Scratch(tmp_path / name)).files))
+    assert files[0] == files[1]
     job = replace(model_train._job(params), batch=0)
     with pytest.raises(RuntimeError, match=r"2 processes of torch\.distributed\.run: exit code"):
         train.launch(job, tmp_path, 2, lambda done, total: None)

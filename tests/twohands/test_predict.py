@@ -111,7 +111,7 @@ def test_hands_and_threshold_are_the_users(store: Path, tmp_path: Path) -> None:
     assert areas["0.0"] == 1 and areas["0.999"] == 0
 
 
-def test_every_hypothesis_is_written_when_asked(store: Path, tmp_path: Path) -> None:
+def test_hypotheses_are_written_on_request(store: Path, tmp_path: Path) -> None:
     """Three per hand, one of which is the hand's mask; boxes in the object fit them."""
     write_picture(tmp_path / "kettle.png")
     predict(store, tmp_path / "kettle.png", tmp_path / "out", "--hands", "both", "--all-hypotheses")
@@ -154,7 +154,7 @@ def test_a_picture_of_one_pixel_is_a_picture(store: Path, tmp_path: Path) -> Non
 
 
 def test_a_picture_on_which_the_model_breaks_stops_no_other(store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """It is refused in one sentence that names the file and the error; the others of its batch are asked without it."""
+    """The picture is refused in one sentence with the file and the error; the others of its batch are predicted."""
     for n in range(3):
         write_picture(tmp_path / "in" / f"{n}.png", tiny_asked.picture(60, 90 + n))
     whole = Predictor.predict_batch
@@ -182,8 +182,8 @@ def test_batches_say_the_same(store: Path, tmp_path: Path) -> None:
         assert (mask(one) != mask(other)).mean() < 0.01
 
 
-def test_of_a_video_every_nth_frame_is_asked(store: Path, video: Path, tmp_path: Path) -> None:
-    """Numbered from 1, with the time."""
+def test_a_video_is_sampled_at_every_nth_frame(store: Path, video: Path, tmp_path: Path) -> None:
+    """Records have the number, from 1, and the time of the frame."""
     done = predict(store, video, tmp_path / "out", "--every", "10")
     assert done.code == 0 and [one["frame"] for one in done.json["predictions"]] == [1, 11, 21]
     said = json.loads((tmp_path / "out" / "clip" / "frame_0000011" / "prediction.json").read_text())
@@ -199,8 +199,8 @@ def test_sampled_frames_are_those_that_the_reader_decodes(video: Path) -> None:
         assert number[n - 1] == n and time_s * 1e9 == pytest.approx(time_ns[n - 1]) and np.array_equal(rgb, images[n - 1])
 
 
-def test_a_video_that_is_none_is_a_failure(store: Path, tmp_path: Path) -> None:
-    """Named, exit 1."""
+def test_a_file_that_is_not_a_video_is_a_failure(store: Path, tmp_path: Path) -> None:
+    """The error names the file; exit 1."""
     (tmp_path / "clip.mp4").write_bytes(b"no video at all")
     done = predict(store, tmp_path / "clip.mp4", tmp_path / "out")
     assert done.code == 1 and "clip.mp4: expected a video" in done.json["failures"][0]["message"] and not done.json["predictions"]
@@ -232,7 +232,7 @@ def test_a_full_disk_leaves_what_was_there(store: Path, tmp_path: Path, monkeypa
     predict(store, image, out)
     before = {path: path.read_bytes() for path in (out / "kettle").iterdir()}
     with monkeypatch.context() as patched:
-        patched.setattr("afford.twohands.prediction_files.keep", full)
+        patched.setattr("afford.twohands.prediction_files.write_verified", full)
         failed = predict(store, image, out)
     assert failed.code == 1 and "no space left" in failed.json["failures"][0]["message"]
     assert {path: path.read_bytes() for path in (out / "kettle").iterdir()} == before and not list(out.glob(".*"))
@@ -278,7 +278,7 @@ def test_a_wrong_call_is_refused(words: tuple[str, ...], hint: str, store: Path,
     assert not (tmp_path / "out").exists()
 
 
-def test_nothing_to_ask_is_refused(store: Path, tmp_path: Path) -> None:
+def test_missing_pictures_or_tasks_are_refused(store: Path, tmp_path: Path) -> None:
     """No file, no picture in a folder, no words; --out that is a file."""
     image = write_picture(tmp_path / "kettle.png")
     (tmp_path / "empty").mkdir()
@@ -290,7 +290,7 @@ def test_nothing_to_ask_is_refused(store: Path, tmp_path: Path) -> None:
 
 
 def test_a_damaged_model_is_refused(model: Path, tmp_path: Path) -> None:
-    """By name of the file."""
+    """The error names the file."""
     (tmp_path / "model").mkdir()
     (tmp_path / "model" / "config.json").write_bytes((model / "config.json").read_bytes())
     (tmp_path / "model" / "model.safetensors").write_bytes(b"nothing")
@@ -332,7 +332,7 @@ def test_any_kind_of_pixels_becomes_rgb(mode: str, tmp_path: Path) -> None:
 
 
 def test_large_pictures_are_refused_before_they_are_decoded(tmp_path: Path) -> None:
-    """By the header; a bomb of 10^10 pixels as well."""
+    """The header is checked; a bomb of 10^10 pixels is refused too."""
     data = write_picture(tmp_path / "one.png").read_bytes()
     with pytest.raises(TooLargeError, match=r"at most 0\.001 megapixels, got 90 x 60"):
         decode_image(data, "one.png", 1000)

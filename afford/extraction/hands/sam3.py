@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from afford.extraction.hands import Sam3
-from afford.models.sam3 import load_model, see
-from afford.models.weights import with_weights
+from afford.models.sam3 import concept_probabilities, load_model
+from afford.models.weights import with_local_weights
 from schemas.files import FileTree
 
 WEIGHTS = "a Sam3Model with its tokenizer.json: folder of save_pretrained, or hub id as facebook/sam3"
@@ -17,8 +17,8 @@ SMOOTHING = 0.05
 
 def find(rgb: np.ndarray, params: Sam3, weights: FileTree | None = None) -> np.ndarray:
     """Find hands with SAM 3, see `Find`."""
-    model = load_model(with_weights(params, weights).model, params.device, params.dtype)
-    hand, left, right, thing, sleeve = see(model, rgb, PHRASES, params.threshold)
+    model = load_model(with_local_weights(params, weights).model, params.device, params.dtype)
+    hand, left, right, thing, sleeve = concept_probabilities(model, rgb, PHRASES, params.threshold)
     any_hand = np.maximum(hand, np.maximum(left, right))
     share, no_hand = (left + SMOOTHING) / (left + right + 2 * SMOOTHING), 1 - any_hand
     return np.stack([any_hand * share, any_hand * (1 - share), thing * no_hand, sleeve * no_hand], -1).astype(np.float32)

@@ -14,7 +14,7 @@ import numpy as np
 import torch
 
 from afford.extraction.tracks import BACKGROUND, UNKNOWN, Propagated, Sam2
-from afford.models.sam2 import Seen, follow, full_size, load_model, session
+from afford.models.sam2 import FrameMasks, full_size, load_model, session, track_frames
 
 WEIGHTS = "a Sam2VideoModel: folder of save_pretrained, sam2*_hiera_*.pt, or hub id as facebook/sam2.1-hiera-tiny"
 
@@ -56,13 +56,17 @@ def _blend_directions(model: Any, rgb: np.ndarray, prompts: dict[int, np.ndarray
     if not between:
         return
     remembered = session(model, rgb, prompts, max(cache, 1))
-    forwards: Iterable[Seen] = () if first is None else follow(model, rgb, prompts, [first, *between], within=remembered)
+    forwards: Iterable[FrameMasks] = ()
+    if first is not None:
+        forwards = track_frames(model, rgb, prompts, [first, *between], within=remembered)
     if first is None or last is None:
-        backwards: Iterable[Seen] = () if last is None else follow(model, rgb, prompts, [last, *between[::-1]], within=remembered)
+        backwards: Iterable[FrameMasks] = ()
+        if last is not None:
+            backwards = track_frames(model, rgb, prompts, [last, *between[::-1]], within=remembered)
         yield from ((seen.at, seen.logits) for way in (forwards, backwards) for seen in way if seen.at in between)
         return
     there = {seen.at: seen.logits.half() for seen in forwards if seen.at in between}
-    for seen in follow(model, rgb, prompts, [last, *between[::-1]], within=remembered):
+    for seen in track_frames(model, rgb, prompts, [last, *between[::-1]], within=remembered):
         if seen.at in between:
             nearness = (last - seen.at) / (last - first)
             yield seen.at, nearness * there.pop(seen.at).float() + (1 - nearness) * seen.logits

@@ -206,24 +206,24 @@ ID = "afford/HandImitation-v0"
 
 
 class HandImitation(Env):
-    """One world. Keywords are the fields of clips.ImitationConfig."""
+    """Imitation environment of one world. Keyword arguments are the fields of ImitationConfig."""
 
     def __init__(self, hand: HandModel, body: GraspObject, references: Sequence[HandReference], **config: Any) -> None:
-        """ValueError without references, or for such of another hand; `body` lies aside."""
+        """Create the environment; `body` lies out of the way. ValueError without references, or for those of another hand."""
         self.core = HandImitationWorlds(hand, body, references, 1, ImitationConfig(**config))
         super().__init__(self.core)
 
 
 class HandImitationVector(VectorEnv):
-    """n worlds. Keywords are the fields of clips.ImitationConfig."""
+    """Imitation environment of n worlds. Keyword arguments are the fields of ImitationConfig."""
 
     def __init__(self, num_envs: int, hand: HandModel, body: GraspObject, references: Sequence[HandReference],
                  **config: Any) -> None:  # fmt: skip
-        """As HandImitation."""
+        """Create the environments, with the arguments of HandImitation."""
         self.core = HandImitationWorlds(hand, body, references, num_envs, ImitationConfig(**config))
         super().__init__(self.core, num_envs)
 
 
-if ID not in gymnasium.registry:  # it is there where afford is installed: afford/environments.py
+if ID not in gymnasium.registry:  # an installed afford has registered it already: afford/environments.py
     gymnasium.register(id=ID, entry_point="afford.grasping.imitation.imitate_env:HandImitation",
                        vector_entry_point="afford.grasping.imitation.imitate_env:HandImitationVector")  # fmt: skip

@@ -80,7 +80,7 @@ REWARDS: Mapping[str, Mapping[str, float]] = {
 
 
 def imitation_rewards(name: str, tracking: Tracking) -> dict[str, np.ndarray]:
-    """Every term (n,) times its weight; their sum is the reward. ValueError for a set that is not known."""
+    """Compute every term (n,) times its weight; the sum of all is the reward. ValueError for an unknown set."""
     if name not in REWARDS:
         raise ValueError(f"reward: expected one of {', '.join(sorted(REWARDS))}, got {name!r}")
     return {term: weight * TERMS[term].of(tracking) for term, weight in REWARDS[name].items()}

@@ -1,6 +1,4 @@
-"""Point-cloud policy: a PointNet per kind of points, conditioned on the robot's own numbers; a transformer over their tokens;
-attention pooling; an MLP.
-"""
+"""Point-cloud policy: PointNets with the robot's own numbers, a transformer over their tokens, attention pooling, an MLP."""
 
 from __future__ import annotations
 

@@ -82,7 +82,7 @@ def region_overlap(found: np.ndarray, truth: np.ndarray) -> int:
 
 
 def spread_indices(of: int, count: int) -> set[int]:
-    """At most `count` indices, spread evenly over `of`."""
+    """Indices spread evenly over `of`, at most `count`."""
     count = min(of, count)
     return {round(n * (of - 1) / max(count - 1, 1)) for n in range(count)}
 

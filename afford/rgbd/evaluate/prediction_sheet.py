@@ -23,7 +23,7 @@ WIDE = 2
 def draw_sheet(scores: InteractionScores) -> np.ndarray:
     """Draw a strip for each kept answer, (h, w, 3) uint8 RGB. ValueError without any."""
     if not scores.shown:
-        raise ValueError(f"{scores.name}: expected answers to show, got none")
+        raise ValueError(f"{scores.name}: no predictions to show; evaluate with shown of 1 or more")
     strips = [_strip(one, scores) for one in scores.shown]
     strips += [np.full_like(strips[0], PAPER)] * (-len(strips) % WIDE)
     head = np.concatenate([_band(["last frame", "truth", *scores.mode, "attention"], HEAD_PX)] * WIDE, axis=1)

@@ -45,8 +45,8 @@ class SetScores:
         found = sorted({int(n) for one in samples for n in np.unique(middle_square(one.label))} - {BACKGROUND})
         if not found:
             source = samples[0].source if samples else "samples"
-            raise ValueError(f"{source}: expected pictures with an affordance in their middle, got none among {len(samples)}; are "
-                             "the labels those of the set?")
+            raise ValueError(f"{source}: none of {len(samples)} pictures has an affordance in its middle square; check that "
+                             "the labels are those of the set")
         zero = np.zeros(len(AFFORDANCES), np.int64)
         return cls(tuple(found), Counts(zero, zero, zero), Counts(zero, zero, zero))
 

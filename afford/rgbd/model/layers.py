@@ -31,6 +31,7 @@ class Residual(nn.Module):
         self.first, self.second = (nn.Conv2d(width, width, 3, padding=1) for _ in range(2))
 
     def forward(self, x: Tensor) -> Tensor:
+        """Add the convolved features: (n, c, h, w) -> the same shape."""
         return x + self.second(self.first(x.relu()).relu())
 
 
@@ -89,6 +90,7 @@ class Encoder(nn.Module):
         self.pool = nn.MaxPool2d(2)
 
     def forward(self, x: Tensor) -> list[Tensor]:
+        """Features at full, half, quarter and eighth resolution."""
         found = []
         for n, stage in enumerate(self.stages):
             x = stage(self.pool(x) if n else x)

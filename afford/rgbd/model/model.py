@@ -40,6 +40,7 @@ class UpBlock(nn.Module):
         self.then = conv_stack([width] * (count + 1), norm)
 
     def forward(self, x: Tensor, skips: Sequence[Tensor], attention: Tensor | None) -> Tensor:
+        """Upsample features (n, c, h, w) to the size of the skip connections."""
         size = (skips[0].shape[-2], skips[0].shape[-1])
         x = self.up(interpolate(x, size, mode="nearest"))
         if attention is not None:

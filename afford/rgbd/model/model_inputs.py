@@ -130,6 +130,7 @@ class SequenceBatches:
     """number of first batches at half the size"""
 
     def __call__(self, number: int) -> TrainingBatch:
+        """Batch `number`: sequences, and some of their last frames as pictures."""
         chosen = self.sequences_of(number)
         pictures = [last_frame(one) for one in chosen[: self.pictures]]
         return stack([chosen, pictures] if pictures else [chosen], self.config, number / self.total)

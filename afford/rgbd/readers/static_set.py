@@ -83,7 +83,7 @@ def read_static_set(source: str, listed: Sequence[PictureEntry], split: str) -> 
     samples = tuple(one for one in found if isinstance(one, StaticSample))
     refused = tuple(one for one in found if isinstance(one, str))
     if not samples:
-        got = f"none of {len(wanted)}, of which the first: {refused[0]}"
+        got = f"{len(wanted)} unreadable ones; the first: {refused[0]}"
         raise SourceError(source, "one picture at least that can be read", got, "see docs/rgbd/interaction-data.md")
     return StaticSet(samples, refused)
 

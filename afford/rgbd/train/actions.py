@@ -48,6 +48,7 @@ class ClipBatches:
     seed: int
 
     def __call__(self, number: int) -> ClipBatch:
+        """Batch `number`."""
         return self.stack([self._sample(number * self.size + n) for n in range(self.size)])
 
     def _sample(self, position: int) -> PackedSequence:

@@ -161,7 +161,7 @@ def adam_plan(p: Optimisation) -> Plan:
 
 
 def spread_evenly(paths: list[Path], count: int) -> list[Path]:
-    """At most `count` of the paths, spread evenly."""
+    """Paths spread evenly over all, at most `count`."""
     count = min(count, len(paths))
     return [paths[round(n * (len(paths) - 1) / max(count - 1, 1))] for n in range(count)]
 

@@ -1,4 +1,4 @@
-"""Interface of part description: parts that a hand must not touch for a task, and parts where it belongs."""
+"""Backends that describe which parts of an object a hand must not touch for a task, and where the hand belongs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Vlm(Chat):
     """Parameters of `vlm`."""
 
     views: int = 6
-    """pictures of the object that are shown, on one sheet"""
+    """number of pictures of the object, on one sheet"""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -30,7 +30,7 @@ class Served(Endpoint):
     """Parameters of `endpoint`."""
 
     views: int = 6
-    """pictures of the object that are shown, on one sheet"""
+    """number of pictures of the object, on one sheet"""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -43,13 +43,13 @@ def _shown(views: int) -> None:
 
 
 class Describer(Protocol[Own]):
-    """Backend of part_describe."""
+    """Signature of the backends that describe the parts of an object."""
 
     def __call__(self, mesh: ObjectMesh, views: ObjectViews, task: str, params: Own) -> PartDescription:
         """Describe the parts of an object for a task.
 
-        `mesh.category` is '' for an unknown category, `views` are its images, `task` is in words ('' for any use), and `params` are
-        those of this backend. The result has category 'unknown' and no notes for an object that the backend does not know. Raises
-        ValueError, one sentence, without a model or server, and for an output that violates the form.
+        `mesh.category` is '' where it is not known, `views` are renderings of the object, and `task` is '' for any use. The result
+        has category 'unknown' and no notes for an object that the backend does not know. ValueError, one sentence, without a model
+        or a server, or when an answer does not fit the form.
         """
         ...

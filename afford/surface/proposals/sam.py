@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from afford.models.sam import Grid, everything, grid_points, load_model
+from afford.models.sam import Grid, grid_points, load_model, segment_everything
 from afford.surface.proposals import Sam
 from afford.surface.proposals.nms import collect_candidates, nms
 from schemas.mesh import ObjectMesh, ObjectViews
@@ -22,7 +22,9 @@ def propose(mesh: ObjectMesh, views: ObjectViews, params: Sam) -> PartCandidates
     for view, (rgb, face) in enumerate(zip(views.rgb, views.face, strict=True)):
         on = face >= 0
         prompts = points[on[points[:, 1].astype(int), points[:, 0].astype(int)]]
-        masks, quality = everything(model, rgb, grid, prompts) if len(prompts) else (np.zeros((0, *on.shape), bool), np.zeros(0))
+        masks, quality = np.zeros((0, *on.shape), bool), np.zeros(0)
+        if len(prompts):
+            masks, quality = segment_everything(model, rgb, grid, prompts)
         masks &= on
         size = masks.sum((1, 2))
         fit = (size >= params.least_px) & (size <= params.most_share * on.sum())

@@ -14,9 +14,9 @@ import torch
 from torch import Tensor
 from transformers import CLIPModel
 
-from afford.models.loading import local_path, pretrained
+from afford.models.loading import load_pretrained, local_path
 from afford.models.normalise import for_tower
-from afford.models.tokens import read_tokens, text_batch
+from afford.models.tokens import read_tokens, tokenize_batch
 from afford.surface.score import Clip
 from schemas.files import FileTree
 from schemas.mesh import ObjectMesh, ObjectViews
@@ -34,10 +34,11 @@ def score(mesh: ObjectMesh, views: ObjectViews, candidates: PartCandidates, desc
     if not all(count):
         return PartScores(mesh.name, np.zeros(count, np.float32), np.zeros(count, np.float32))
     folder = _folder(params.model)
-    model, tokens = pretrained(CLIPModel, str(folder), "clip", params.device, params.dtype), read_tokens(folder / "tokenizer.json")
+    model = load_pretrained(CLIPModel, str(folder), "clip", params.device, params.dtype)
+    tokens = read_tokens(folder / "tokenizer.json")
     with torch.inference_mode():
         texts = [f"a photo of a {note.phrase.partition(',')[0].removeprefix('the ')}" for note in descriptions.notes]
-        ids, keep = (one.to(model.device) for one in text_batch(tokens, model.config.text_config, texts))
+        ids, keep = (one.to(model.device) for one in tokenize_batch(tokens, model.config.text_config, texts))
         phrases = _unit(model.text_projection(model.text_model(ids, attention_mask=keep).pooler_output))
         batches = [slice(at, at + params.batch) for at in range(0, count[0], params.batch)]
         cosine = torch.cat([_unit(_seen(model, views, candidates, some)) @ phrases.T for some in batches])

@@ -1,5 +1,6 @@
-"""How good predicted two-hand affordances are: cases in ActAffordance's layout, methods, measures and the report.
+"""Benchmark of two-hand affordance predictions on cases in the layout of ActAffordance.
 
-`layout`, `cases` and `toras` read truth; `answers`, `folder_answers` and `stored` read what a method says; `measures`,
-`compat`, `modes`, `calibration` and `bootstrap` are pure formulas; `score` joins them for one method, `report` for all.
+`cases` and `toras` read the ground truth. `baselines` and `dataset_baselines` make predictions without a network. `answers` brings
+the predictions of any method onto the grid of a case. `measures` and `compat` are formulas, `score` applies them to one method, and
+`report` compares methods.
 """

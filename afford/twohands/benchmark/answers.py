@@ -1,4 +1,4 @@
-"""What a method says of one case, on the case's grid, whichever way it said it: probabilities, or files of masks."""
+"""Answers of a method on the grid of each case, read from probabilities or from mask files."""
 
 from __future__ import annotations
 
@@ -13,49 +13,55 @@ from afford.dataset import act_affordance
 from afford.twohands.benchmark import predictions_file
 from afford.twohands.benchmark.cases import Size, grey, resize_mask
 from afford.twohands.benchmark.compat import Grey
-from afford.twohands.model.hand_selection import taking
+from afford.twohands.model.hand_selection import hand_probabilities
 from schemas.benchmark import Case, Prediction
 from schemas.files import FileRef, FileTree
 from schemas.video import SIDES
 
 ALREADY_CUT = 0.0
-"""the threshold of masks in a folder that names none"""
+"""threshold of masks in a folder without a threshold in its name"""
 
 
 class Method(Protocol):
-    """Something that was asked before."""
+    """Stored predictions of one method."""
 
     levels: tuple[float, ...]
 
     def answer(self, case: Case) -> Answer:
-        """What it says of the case."""
+        """Answer of the method for a case."""
 
 
 def open_method(files: FileTree, levels: tuple[float, ...], level: float, protocol: str, proposals: int) -> Method:
-    """The method behind a folder. `levels` cut probabilities, of which up to `proposals` ways are made; `level` is taken of a
-    folder with several thresholds; a folder that does not say its protocol is of `protocol`.
+    """Open the predictions in a folder: a Parquet file of probabilities, or masks in the released layout.
+
+    Probabilities are cut at `levels`, and up to `proposals` proposals are made of them. `level` is the threshold of the strict
+    measures for a folder with several thresholds. `protocol` is that of a folder which does not name it.
     """
     table = files.find(predictions_file.FILE_NAME)
     return Probabilities(table, levels, proposals) if table else Masks(files, level, protocol)
 
 
 class Probabilities:
-    """Predictions that were stored with their probabilities."""
+    """Stored probabilities of a method."""
 
     def __init__(self, table: FileRef, levels: tuple[float, ...], proposals: int) -> None:
         self.levels, self.proposals = levels, proposals
         self._stored = predictions_file.PredictionFile(table.path)
 
     def answer(self, case: Case) -> Answer:
+        """Answer for a case, empty without a prediction."""
         size = case.modes.shape[2:]
-        said = self._stored.get(case.case_id)
-        if said is None:
+        prediction = self._stored.get(case.case_id)
+        if prediction is None:
             return nothing(size, self.levels)
-        return of_prediction(said, size, self.levels, self.proposals)
+        return of_prediction(prediction, size, self.levels, self.proposals)
 
 
 class Masks:
-    """Masks on disk, perhaps at several thresholds. ValueError when thresholds are mixed with none, or `level` is not there."""
+    """Mask files of a method, at one or several thresholds.
+
+    ValueError when only some folders name a threshold, or when no threshold is `level`.
+    """
 
     def __init__(self, files: FileTree, level: float, protocol: str) -> None:
         self._files: dict[str, dict[float, dict[str, FileRef]]] = defaultdict(lambda: defaultdict(dict))
@@ -64,7 +70,7 @@ class Masks:
             seen.add(threshold)
             self._files[case_id][ALREADY_CUT if threshold is None else threshold][side] = ref
         if None in seen and len(seen) > 1:
-            raise ValueError(f"{files.name}: some masks lie in a folder of a threshold and some in none; use one way for all")
+            raise ValueError(f"{files.name}: some masks are in a folder of a threshold and some are not; use one form for all")
         self.levels = (ALREADY_CUT,) if seen == {None} else tuple(sorted(at for at in seen if at is not None))
         self._chosen = self.levels[0] if len(self.levels) == 1 else level
         if self._chosen not in self.levels:
@@ -72,38 +78,39 @@ class Masks:
                              f"choose one: --set score_cases.level={self.levels[0]}")
 
     def answer(self, case: Case) -> Answer:
+        """Answer for a case, empty without a prediction."""
         size = case.modes.shape[2:]
         at = self._files.get(case.case_id)
         return nothing(size, self.levels) if at is None else of_files(at, size, self.levels, self._chosen)
 
 
 CHOICES = np.array([[True, False], [False, True], [True, True]])
-"""which hands act: left alone, right alone, both"""
+"""hands that act: left alone, right alone, both"""
 SWAP = (1, 0, 2, 3)
-"""taxonomy with the hands exchanged"""
+"""order of the taxonomy with the hands exchanged"""
 
 
 @dataclass(frozen=True)
 class Answer:
-    """l thresholds, k hypotheses; axis 2 is always (left, right)."""
+    """Prediction of a method for one case, at l thresholds with k hypotheses; an axis of 2 is (left, right)."""
 
     cuts: np.ndarray
-    """(l, 2, h, w) bool: the first-ranked region of each returned hand at each threshold"""
+    """(l, 2, h, w) bool: the top-ranked region of each returned hand at each threshold"""
     files: tuple[tuple[Grey, Grey], ...]
-    """l pairs of grey masks at the method's own size, as the released code would find them on disk"""
+    """l pairs of grey masks at the method's own size, as the released code reads them from disk"""
     top: np.ndarray
     """(2, h, w) bool: at the method's own threshold"""
     proposals: np.ndarray
-    """(k, 2, h, w) bool: its most probable ways to do the task, at its own threshold; one pair of regions is one way"""
+    """(k, 2, h, w) bool: its most probable pairs of regions, at its own threshold"""
     unselected: np.ndarray | None = None
-    """(2, h, w) bool: `top` without the choice of hands"""
+    """(2, h, w) bool: `top` without the selection of hands"""
     marginal: np.ndarray | None = None
-    """(2, h, w) float32: probability that the hand goes there, over hypotheses and choices of hands"""
+    """(2, h, w) float32: probability that a pixel is touched by each hand, over hypotheses and selections of hands"""
     taxonomy: np.ndarray | None = None
     """(4,) probabilities"""
 
     def swapped(self) -> Answer:
-        """The same with left for right."""
+        """The answer with left and right exchanged."""
         return replace(
             self,
             cuts=self.cuts[:, ::-1],
@@ -117,43 +124,44 @@ class Answer:
 
 
 def nothing(size: Size, levels: tuple[float, ...]) -> Answer:
-    """No prediction for the case: no region, and no file that the released script would count."""
+    """Empty answer: no region, and no file that the released script counts."""
     return Answer(np.zeros((len(levels), 2, *size), bool), ((None, None),) * len(levels), np.zeros((2, *size), bool),
                   np.zeros((1, 2, *size), bool))
 
 
-def of_prediction(said: Prediction, size: Size, levels: tuple[float, ...], proposals: int) -> Answer:
-    """Probabilities, resized bilinearly to the grid and cut there; `proposals` is how many ways it may propose."""
-    fine = _resize(said.probability, size)
-    first = [int(rank) for rank in said.score.argmax(axis=1)]
+def of_prediction(prediction: Prediction, size: Size, levels: tuple[float, ...], proposals: int) -> Answer:
+    """Answer of probabilities, resized bilinearly to the grid and cut there, with up to `proposals` proposals."""
+    fine = _resize(prediction.probability, size)
+    first = [int(rank) for rank in prediction.score.argmax(axis=1)]
     best = np.stack([fine[side, first[side]] for side in range(2)])
-    hands = said.hands[:, None, None]
-    files = tuple(_as_files(said, first, level) for level in levels)
-    told = said.taxonomy if np.isfinite(said.taxonomy).all() else None
-    active = said.hands if told is None else taking(told)
+    hands = prediction.hands[:, None, None]
+    files = tuple(_as_files(prediction, first, level) for level in levels)
+    taxonomy = prediction.taxonomy if np.isfinite(prediction.taxonomy).all() else None
+    active = prediction.hands if taxonomy is None else hand_probabilities(taxonomy)
+    choices = hand_choice_probabilities(prediction.hands, taxonomy)
     return Answer(
         cuts=np.stack([(best > level) & hands for level in levels]),
         files=files,
-        top=(best > said.threshold) & hands,
-        proposals=_proposed(fine > said.threshold, said.score, hands_told(said.hands, told), proposals),
-        unselected=best > said.threshold,
-        marginal=np.einsum("skhw,sk->shw", fine, said.score) * active.astype(np.float32)[:, None, None],
-        taxonomy=told,
+        top=(best > prediction.threshold) & hands,
+        proposals=_proposed(fine > prediction.threshold, prediction.score, choices, proposals),
+        unselected=best > prediction.threshold,
+        marginal=np.einsum("skhw,sk->shw", fine, prediction.score) * active.astype(np.float32)[:, None, None],
+        taxonomy=taxonomy,
     )
 
 
-def hands_told(hands: np.ndarray, taxonomy: np.ndarray | None) -> np.ndarray:
-    """(left alone, right alone, both) probabilities; without a taxonomy, the hands that were returned are certain."""
+def hand_choice_probabilities(hands: np.ndarray, taxonomy: np.ndarray | None) -> np.ndarray:
+    """Probabilities of (left alone, right alone, both); without a taxonomy, the returned hands are certain."""
     if taxonomy is not None:
         return np.array([taxonomy[0], taxonomy[1], taxonomy[2:].sum()])
     return np.array([np.array_equal(hands, choice) for choice in CHOICES], float)
 
 
 def _proposed(regions: np.ndarray, score: np.ndarray, chosen: np.ndarray, count: int) -> np.ndarray:
-    """(n, 2, h, w) bool: the `count` most probable pairs of a choice of hands and a hypothesis, fewer when there are fewer.
+    """Proposals (n, 2, h, w) bool: the `count` most probable combinations of a choice of hands and a hypothesis, or fewer.
 
-    regions (2, k, h, w) bool, score (2, k), chosen (3,) probabilities of `CHOICES`. So a model with one region per hand proposes
-    as many ways as one with k: its own region with every choice of hands.
+    regions (2, k, h, w) bool, score (2, k), chosen (3,) probabilities of `CHOICES`. A model with one region for each hand also has
+    several proposals: its region with every choice of hands.
     """
     joint = np.sqrt(score[0] * score[1])
     rank = np.stack([score[0], score[1], joint / max(joint.sum(), 1e-9)])
@@ -164,7 +172,7 @@ def _proposed(regions: np.ndarray, score: np.ndarray, chosen: np.ndarray, count:
 
 
 def of_files(at: dict[float, dict[str, FileRef]], size: Size, levels: tuple[float, ...], chosen: float) -> Answer:
-    """Masks of the released layout: threshold -> side -> file; `chosen` is the threshold of the strict measures."""
+    """Answer of mask files, threshold -> side -> file; `chosen` is the threshold of the strict measures."""
     found = [{side: grey(ref) for side, ref in at.get(level, {}).items()} for level in levels]
     cuts = np.stack([[_binary(pair.get(side), size) for side in SIDES] for pair in found])
     top = cuts[levels.index(chosen)]
@@ -172,7 +180,7 @@ def of_files(at: dict[float, dict[str, FileRef]], size: Size, levels: tuple[floa
 
 
 def _resize(probability: np.ndarray, size: Size) -> np.ndarray:
-    """(2, k, h, w) float32 at another size."""
+    """Resize probabilities (2, k, h, w) float32 bilinearly."""
     if probability.shape[2:] == size:
         return probability
     flat = probability.reshape(-1, *probability.shape[2:])
@@ -180,9 +188,9 @@ def _resize(probability: np.ndarray, size: Size) -> np.ndarray:
     return np.stack(planes).reshape(*probability.shape[:2], *size)
 
 
-def _as_files(said: Prediction, first: list[int], level: float) -> tuple[Grey, Grey]:
-    masks = [np.where(said.probability[side, first[side]] > level, np.uint8(255), np.uint8(0)) for side in range(2)]
-    left, right = (mask if hand else None for mask, hand in zip(masks, said.hands, strict=True))
+def _as_files(prediction: Prediction, first: list[int], level: float) -> tuple[Grey, Grey]:
+    masks = [np.where(prediction.probability[side, first[side]] > level, np.uint8(255), np.uint8(0)) for side in range(2)]
+    left, right = (mask if hand else None for mask, hand in zip(masks, prediction.hands, strict=True))
     return left, right
 
 

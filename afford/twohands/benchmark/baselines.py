@@ -1,5 +1,6 @@
-"""Methods without a network: what any trained one must beat. Each is made from a data set (or None) and says a `Prediction` of a
-case, or None where it has nothing to say.
+"""Baselines without a network and without data: oracles, and a centre prior.
+
+Each is built from a data set (here unused) and returns a `Prediction` for a case, or None without an answer.
 """
 
 from __future__ import annotations
@@ -13,12 +14,12 @@ from afford.common.masks import box
 from schemas.benchmark import Case, Prediction
 
 SPREAD = 0.15
-"""standard deviation of the centre prior, in widths and heights of the image"""
+"""standard deviation of the centre prior, as a share of the width and height of the image"""
 Baseline = Callable[[Case], Prediction | None]
 
 
 def whole_object(dataset: Path | None) -> Baseline:
-    """Oracle: the complete object of each hand, as annotated. None where no object is."""
+    """Oracle: the annotated complete object of each hand."""
     return lambda case: _regions(case, case.objects)
 
 
@@ -28,14 +29,14 @@ def object_box(dataset: Path | None) -> Baseline:
 
 
 def centre(dataset: Path | None) -> Baseline:
-    """A Gaussian in the middle of the image for both hands, whatever the task."""
+    """Centre prior: a Gaussian in the middle of the image for both hands, whatever the task."""
     return _centre
 
 
 def one_hypothesis(task: str, planes: np.ndarray, hands: np.ndarray, taxonomy: np.ndarray | None = None) -> Prediction:
-    """One hypothesis per hand: (2, h, w) float32 probabilities, cut at 0.5; without `taxonomy` the method tells none."""
-    told = np.full(4, np.nan) if taxonomy is None else taxonomy
-    return Prediction(task, planes[:, None].astype(np.float32), np.ones((2, 1), np.float32), told.astype(np.float32), hands, 0.5)
+    """Prediction with one hypothesis for each hand: probabilities (2, h, w), cut at 0.5; taxonomy (4,), or NaN without one."""
+    known = np.full(4, np.nan) if taxonomy is None else taxonomy
+    return Prediction(task, planes[:, None].astype(np.float32), np.ones((2, 1), np.float32), known.astype(np.float32), hands, 0.5)
 
 
 def _centre(case: Case) -> Prediction:

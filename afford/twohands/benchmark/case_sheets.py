@@ -1,4 +1,4 @@
-"""Best, median and worst cases as pictures: what was predicted filled, what is true outlined; left orange, right blue."""
+"""Contact sheets of the best, median and worst cases: predictions filled, truth outlined; left orange, right blue."""
 
 from __future__ import annotations
 
@@ -20,32 +20,32 @@ LINES = ("best", "median", "worst")
 
 
 def pick(scores: np.ndarray, count: int = PER_ROW) -> tuple[list[int], list[int], list[int]]:
-    """Positions of the best, the middle and the worst cases by score; first of equals first."""
+    """Positions of the best, median and worst cases by score; equal scores keep their order."""
     order = np.argsort(-scores, kind="stable").tolist()
     middle = max((len(order) - count) // 2, 0)
     return order[:count], order[middle : middle + count], order[-count:][::-1]
 
 
 def draw(protocol: str, chosen: Sequence[Sequence[tuple[Case, Answer, float]]]) -> Sheet:
-    """Three lines of (case, answer, IoU) as one sheet."""
+    """Draw three lines of (case, answer, IoU) as one sheet."""
     width, height = PER_ROW * (TILE_PX + GAP_PX) + GAP_PX, TILE_PX + BAND_PX + GAP_PX
     sheet = np.full((len(LINES) * (height + 20), width, 3), PAPER, np.uint8)
     for line, (title, row) in enumerate(zip(LINES, chosen, strict=True)):
         top = line * (height + 20)
         _text(sheet, f"{title} by IoU", (GAP_PX, top + 15), 0.5)
-        for n, (case, said, iou) in enumerate(row):
+        for n, (case, answer, iou) in enumerate(row):
             x, y = GAP_PX + n * (TILE_PX + GAP_PX), top + 20
-            sheet[y : y + TILE_PX + BAND_PX, x : x + TILE_PX] = tile(case, said, iou)
+            sheet[y : y + TILE_PX + BAND_PX, x : x + TILE_PX] = tile(case, answer, iou)
     return Sheet(protocol, encode_jpeg(sheet, JPEG_QUALITY))
 
 
-def tile(case: Case, said: Answer, iou: float) -> np.ndarray:
-    """(TILE_PX + BAND_PX, TILE_PX, 3) uint8 RGB."""
+def tile(case: Case, answer: Answer, iou: float) -> np.ndarray:
+    """Draw one case: (TILE_PX + BAND_PX, TILE_PX, 3) uint8 RGB."""
     height, width = case.modes.shape[2:]
     scale = TILE_PX / max(height, width)
     size = max(round(width * scale), 1), max(round(height * scale), 1)
     image = cv2.resize(cases.image(case), size, interpolation=cv2.INTER_AREA)
-    for colour, found in zip((LEFT, RIGHT), said.top, strict=True):
+    for colour, found in zip((LEFT, RIGHT), answer.top, strict=True):
         small = cases.resize_mask(np.ascontiguousarray(found), size[::-1])
         image[small] = (0.4 * image[small] + 0.6 * np.array(colour)).astype(np.uint8)
     for colour, truth in ((c, m) for mode in case.modes[::-1] for c, m in zip((LEFT, RIGHT), mode, strict=True)):
@@ -59,7 +59,7 @@ def tile(case: Case, said: Answer, iou: float) -> np.ndarray:
 
 
 def sheets(ids: Sequence[str], scores: np.ndarray, fetch: Callable[[str], tuple[Case, Answer]]) -> tuple[Sheet, ...]:
-    """One sheet per protocol, from the ids of cases and their IoU."""
+    """Draw one sheet for each protocol, from the ids of cases and their IoU."""
     out = []
     for protocol in dict.fromkeys(name.partition("/")[0] for name in ids):
         mine = [n for n, name in enumerate(ids) if name.startswith(f"{protocol}/")]

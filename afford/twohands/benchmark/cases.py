@@ -1,6 +1,7 @@
-"""The files of a case -> the case: image, task, valid modes. What is odd about the files is kept and noted, never mended silently.
+"""Read a benchmark case: image, task and valid modes.
 
-Masks are anti-aliased grey and read as `> 0` (ActAffordance). A mask of another size than the case is resized to it, nearest.
+Masks are anti-aliased grey and read as `> 0` (ActAffordance). A mask of another size than the case is resized to it by nearest
+neighbour. Such irregularities of the files are listed in the notes of the case.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from schemas.video import SIDES
 
 
 def prompts(given: Sequence[str], text: str, seed: int) -> list[str]:
-    """`given`, `shuffled` or `removed` tasks, one per case. ValueError for another word."""
+    """Tasks to prompt the model with, one for each case: `given`, `shuffled` or `removed`. ValueError for another `text`."""
     if text == "given":
         return list(given)
     if text == "removed":
@@ -34,9 +35,9 @@ def prompts(given: Sequence[str], text: str, seed: int) -> list[str]:
 
 
 def shuffled(given: Sequence[str], seed: int) -> list[str]:
-    """Every case gets a task of another wording, drawn by seed among the cases that have one. ValueError when all are alike."""
+    """Draw a task of another wording for each case, by seed. ValueError when all tasks are equal."""
     if len(set(given)) < 2:
-        raise ValueError("text shuffled: expected cases with at least two different tasks, got one; nothing can be exchanged")
+        raise ValueError("text shuffled: expected cases with at least two different tasks, got one; no task can be exchanged")
     rng = np.random.default_rng(seed)
     words = np.array(given, dtype=object)
     return [str(rng.choice(words[words != own])) for own in given]
@@ -45,11 +46,11 @@ def shuffled(given: Sequence[str], seed: int) -> list[str]:
 KITCHEN, SHIFT = "kitchen", "shift"
 Size = tuple[int, int]
 Outlines = Callable[[CaseFiles, Any], np.ndarray]
-"""what draws the two true masks of a case from something else than its PNGs: (files, annotation) -> (2, h, w) bool"""
+"""source of the two true masks of a case other than its PNGs: (files, annotation) -> (2, h, w) bool"""
 
 
 def read(files: CaseFiles, outlines: Outlines | None = None) -> Case:
-    """The case. SourceError names the file and field that cannot be used."""
+    """Read a case. SourceError names the file and field that cannot be used."""
     annotation = _json(files, ANNOTATION)
     notes: list[str] = []
     regions, taxonomy = _drawn(files, annotation, outlines) if outlines else _modes(files, annotation)
@@ -66,37 +67,37 @@ def read(files: CaseFiles, outlines: Outlines | None = None) -> Case:
 
 
 def task(files: CaseFiles) -> str:
-    """The narration alone."""
+    """Read the task, the narration of a case."""
     return str(json_field(_json(files, ANNOTATION), "narration", str, f"{files.where}/{ANNOTATION}"))
 
 
 def picture(files: CaseFiles) -> np.ndarray:
-    """(h, w, 3) uint8 RGB: the image alone, at its own size."""
+    """Decode the image of the files of a case, (h, w, 3) uint8 RGB at its own size."""
     return _decode(np.frombuffer(files.files[IMAGE].path.read_bytes(), np.uint8), files.where)
 
 
 def image(case: Case) -> np.ndarray:
-    """(h, w, 3) uint8 RGB: the image of a case that was read, at its own size."""
+    """Decode the image of a case, (h, w, 3) uint8 RGB at its own size."""
     return _decode(case.image, case.case_id)
 
 
 def _decode(data: np.ndarray, where: str) -> np.ndarray:
     decoded = cv2.imdecode(data, cv2.IMREAD_COLOR_RGB)
     if decoded is None:
-        raise SourceError(f"{where}/{IMAGE}", "a PNG or JPEG", "bytes that are none", "get the file again")
+        raise SourceError(f"{where}/{IMAGE}", "a PNG or JPEG", "other bytes", "get the file again")
     return np.asarray(decoded)
 
 
 def grey(ref: FileRef) -> np.ndarray:
-    """(h, w) uint8 of a mask file. SourceError when it is no picture."""
+    """Decode a mask file, (h, w) uint8. SourceError when it is not a picture."""
     decoded = cv2.imdecode(np.frombuffer(ref.path.read_bytes(), np.uint8), cv2.IMREAD_GRAYSCALE)
     if decoded is None:
-        raise SourceError(ref.name, "a grey PNG", f"{ref.size} bytes that are none", "get the file again")
+        raise SourceError(ref.name, "a grey PNG", f"{ref.size} other bytes", "get the file again")
     return np.asarray(decoded)
 
 
 def resize_mask(mask: np.ndarray, size: Size) -> np.ndarray:
-    """(h, w) bool at another size, nearest neighbour with exact pixel centres."""
+    """Resize a mask (h, w) bool by nearest neighbour with exact pixel centres."""
     if mask.shape == size:
         return mask
     return cv2.resize(mask.view(np.uint8), size[::-1], interpolation=cv2.INTER_NEAREST_EXACT).view(bool)
@@ -109,7 +110,7 @@ def _json(files: CaseFiles, name: str) -> Any:
 
 
 def _modes(files: CaseFiles, annotation: Any) -> tuple[list[list[tuple[np.ndarray | None, str]]], list[int]]:
-    """Every mode's pair of (mask or None, file name), and its taxonomy; one mode without modes.json."""
+    """Pairs of (mask or None, file name) of all modes, and their taxonomies; one mode without modes.json."""
     if MODES not in files.files:
         names = [{side: f"aff_{side}.png" for side in SIDES}]
         taxonomy = [_taxonomy(annotation, f"{files.where}/{ANNOTATION}")]
@@ -140,7 +141,7 @@ def _mask(files: CaseFiles, name: str | None) -> np.ndarray | None:
 
 
 def _size(files: CaseFiles, regions: list[list[tuple[np.ndarray | None, str]]]) -> Size:
-    """(h, w) on which the case is scored: a crop's own size, else that of its first true mask (855 x 855 as released)."""
+    """Size (h, w) at which a case is scored: that of the crop, else of the first true mask (855 x 855 as released)."""
     if files.protocol == "cropped":
         try:
             width, height = Image.open(io.BytesIO(files.files[IMAGE].path.read_bytes())).size
@@ -164,7 +165,7 @@ def _fit(mask: np.ndarray | None, size: Size, name: str, notes: list[str]) -> np
 
 
 def _taxonomy(record: Any, where: str) -> int:
-    """Class of a one-hot vector, -1 when there is none."""
+    """Class of a one-hot vector, -1 without a vector."""
     if record.get("taxonomy") is None:
         return int(Taxonomy.NONE)
     found = record["taxonomy"]
@@ -174,7 +175,7 @@ def _taxonomy(record: Any, where: str) -> int:
 
 
 def _disagreement(mode: np.ndarray, taxonomy: int) -> str:
-    """What to note when the annotated class and the masks that exist do not fit."""
+    """Note about an annotated class that contradicts the masks; '' when they agree."""
     seen = tuple(bool(mask.any()) for mask in mode)
     if taxonomy == Taxonomy.NONE or seen == TAKES[taxonomy]:
         return ""
@@ -183,7 +184,7 @@ def _disagreement(mode: np.ndarray, taxonomy: int) -> str:
 
 
 def _groups(files: CaseFiles, annotation: Any) -> tuple[str, ...]:
-    """Rows of the report: everything, kitchens or other scenes, the source when it is ActAffordance's, and what the file adds."""
+    """Groups of a case in the report: all, kitchen or shift, the source if from ActAffordance, and those that the file adds."""
     epic = files.video.startswith("P")
     scene = str(annotation.get("scene") or (KITCHEN if epic else "other"))
     source = () if MODES in files.files else ("epic" if epic else "ego4d",)

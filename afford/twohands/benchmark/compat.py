@@ -1,8 +1,9 @@
-"""ActAffordance's measures exactly as its released script computes them, faults included (2HandedAfforder).
+"""Measures of ActAffordance exactly as its released script computes them, including its faults (2HandedAfforder).
 
-One case: grey masks of the hands for which a file exists -> union -> IoU, precision ("IoCM"), Hausdorff distances of the
-**first** outer contour only. A case counts only when a true and a predicted file exist: a method that predicts nothing for it is
-not punished. Over thresholds: "mAP" is the mean of mean precisions, the other measures are those of the most precise threshold.
+For one case, the grey masks of the hands that have a file are united. The measures are IoU, precision ("IoCM"), and Hausdorff
+distances of the **first** outer contour only. A case counts only when a true and a predicted file exist, so a method without a
+prediction loses nothing. "mAP" is the mean over thresholds of the mean precision; the other measures are those of the most precise
+threshold.
 """
 
 from __future__ import annotations
@@ -14,11 +15,11 @@ import numpy as np
 from scipy.spatial.distance import directed_hausdorff
 
 Grey = np.ndarray | None
-"""(h, w) uint8 as the file has it, None where there is no file"""
+"""(h, w) uint8 as in the file, None without a file"""
 
 
 class CaseScore(NamedTuple):
-    """One case at one threshold."""
+    """Measures of one case at one threshold."""
 
     iou: float
     precision: float
@@ -28,7 +29,7 @@ class CaseScore(NamedTuple):
 
 
 class Summary(NamedTuple):
-    """What the script prints."""
+    """Measures over all cases, as the script prints them."""
 
     iou: float
     precision: float
@@ -39,12 +40,14 @@ class Summary(NamedTuple):
     level: float
     """the threshold of the other measures"""
     counted: int
-    """cases at that threshold"""
+    """cases that count at that threshold"""
 
 
 def case_score(truth: tuple[np.ndarray, ...], predicted: tuple[Grey, ...]) -> CaseScore | None:
-    """Score of one case: `truth` are the (h, w) bool masks of the hands that have one, `predicted` the two hands' files. None
-    where the script skips. Predictions are resized bilinearly to the truth, and both read as `> 0`.
+    """Score one case; None where the script skips it.
+
+    `truth` are the masks (h, w) bool of the hands that have one, `predicted` the files of the two hands. Predictions are resized
+    bilinearly to the truth, and both are read as `> 0`.
     """
     files = [mask for mask in predicted if mask is not None]
     if not truth or not files:
@@ -58,7 +61,7 @@ def case_score(truth: tuple[np.ndarray, ...], predicted: tuple[Grey, ...]) -> Ca
 
 
 def _hausdorff(truth: np.ndarray, found: np.ndarray) -> tuple[float, float]:
-    """Between first contours; the diagonal when nothing was found, else 0 when nothing is true."""
+    """Hausdorff distances of the first contours: the diagonal for an empty prediction, else 0 for an empty truth."""
     mine, theirs = _first_contour(found), _first_contour(truth)
     if mine is None:
         diagonal = float(np.sqrt(found.shape[0] ** 2 + found.shape[1] ** 2))
@@ -70,14 +73,15 @@ def _hausdorff(truth: np.ndarray, found: np.ndarray) -> tuple[float, float]:
 
 
 def _first_contour(mask: np.ndarray) -> np.ndarray | None:
-    """(n, 2) x, y corners."""
+    """Corners (n, 2) x, y of the first outer contour."""
     found, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
     return np.asarray(found[0]).reshape(-1, 2) if found else None
 
 
 def summary(scores: np.ndarray, level: tuple[float, ...]) -> Summary | None:
-    """(n, l, 4) of cases and thresholds, NaN where skipped -> the printed numbers; None when a threshold has no case (the
-    script divides by zero there).
+    """Summarise scores (n, l, 4) of cases and thresholds, NaN where skipped.
+
+    None when a threshold has no case, where the script divides by zero.
     """
     counted = np.isfinite(scores[..., 0]).sum(axis=0)
     if not len(counted) or not counted.all():

@@ -1,8 +1,11 @@
-"""The mean mask of a class: where hands went in the training split for this verb and noun, wherever the object lies now.
+"""Baselines that are made from a data set: the mean mask of a class, and the extraction itself.
 
-In a case of the masks set the mean is over whole images, in a crop over crops of the same kind (the objects and a border). A class
-that training has not seen is that of the noun alone, then of everything. The mean is scaled so that a cut at 0.5 has the mean
-area of the class.
+For a case of the masks set, the mean mask is over the whole images of the training split; for a crop, over crops to the objects
+with a border. A class that training lacks is replaced by that of the noun alone, then by the mean over all samples. The mean is
+scaled so that a cut at 0.5 has the mean area of the class.
+
+The extraction covers whole images only, because a crop of the benchmark does not say where in the image it was. Wide frames are
+padded at the top to a square when the case is square, as in 2HandedAfforder.
 """
 
 from __future__ import annotations
@@ -24,14 +27,14 @@ from schemas.affordance import TAKES
 from schemas.benchmark import Case, Prediction
 
 GRID = 64
-"""side of the grid that masks are averaged on"""
+"""side of the grid on which masks are averaged"""
 CLASS_COLUMNS = ("verb", "noun", "height", "width", "taxonomy", *(f"{name}_rle" for name in MASKS))
 Key = tuple[str, str, str]
 """protocol, verb, noun; '' for any"""
 
 
 class Mean:
-    """A running mean of the masks and taxonomies of one class."""
+    """Running mean of the masks and taxonomies of one class."""
 
     def __init__(self) -> None:
         self._sum = np.zeros((2, GRID, GRID))
@@ -39,13 +42,13 @@ class Mean:
         self._taxonomy = np.zeros(4)
 
     def add(self, planes: np.ndarray, taxonomy: int) -> None:
-        """One sample: (2, GRID, GRID) shares of pixels."""
+        """Add a sample with shares of pixels (2, GRID, GRID)."""
         self._sum += planes
         self._count += TAKES[taxonomy]
         self._taxonomy[taxonomy] += 1
 
     def prediction(self, case: Case) -> Prediction:
-        """The mean, at the size of the case."""
+        """Return the mean at the size of a case."""
         height, width = case.modes.shape[2:]
         mean = self._sum / np.maximum(self._count, 1)[:, None, None]
         scaled = np.stack([_scaled(plane) for plane in mean]).astype(np.float32)
@@ -55,7 +58,7 @@ class Mean:
 
 
 def class_mean(dataset: Path | None) -> Baseline:
-    """Averages of the training split. ValueError without a data set."""
+    """Mean mask of a class: where hands were in the training split for this verb and noun. ValueError without a data set."""
     if dataset is None:
         raise ValueError("class_mean: expected a data set with a train split, got none; give the one that the model learns from")
     means: dict[Key, Mean] = defaultdict(Mean)
@@ -74,7 +77,7 @@ def _best(means: dict[Key, Mean], case: Case) -> Mean:
 
 
 def _planes(row: dict[str, Any]) -> Iterator[tuple[str, np.ndarray]]:
-    """The two affordances of a sample on the grid, of the whole image and of its crop."""
+    """Affordances of a sample on the grid: of the whole image, and of its crop."""
     planes = masks.decode_rle([row[f"{name}_rle"] for name in MASKS], row["height"], row["width"])
     objects = planes[2] | planes[3] | planes[0] | planes[1]
     border = round(BORDER * max(objects.shape))
@@ -83,7 +86,7 @@ def _planes(row: dict[str, Any]) -> Iterator[tuple[str, np.ndarray]]:
 
 
 def _scaled(plane: np.ndarray) -> np.ndarray:
-    """The plane over twice the level that cuts off its own mean area, at most 1; zeros stay zeros."""
+    """Scale a plane so that a cut at 0.5 keeps its mean area; values are at most 1."""
     pixels = round(plane.sum())
     if pixels < 1:
         return plane
@@ -96,7 +99,7 @@ EXTRACTED_COLUMNS = ("video", "frame", "height", "width", "taxonomy", *REGIONS)
 
 
 def extraction(dataset: Path | None) -> Baseline:
-    """What was extracted from each frame, found by video and frame number. ValueError without a data set."""
+    """AffExtract: the masks that the extraction took from the same frame, by video and number. ValueError without a data set."""
     if dataset is None:
         raise ValueError("extraction: expected a data set of the benchmark's videos, got none; extract them with `run dataset`")
     rows = {(row["video"], row["frame"]): row
@@ -114,7 +117,7 @@ def extraction(dataset: Path | None) -> Baseline:
 
 
 def to_case_grid(mask: np.ndarray, size: Size) -> np.ndarray:
-    """(h, w) bool on the grid of a case."""
+    """Resize a mask to the grid of a case: (h, w) bool."""
     height, width = mask.shape
     if size[0] == size[1] and width > height:
         mask = np.pad(mask, ((width - height, 0), (0, 0)))

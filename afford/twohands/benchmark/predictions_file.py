@@ -1,6 +1,6 @@
-"""Predictions of a method for the cases of a benchmark, as one Parquet file that any reader of tables opens.
+"""Parquet file with the predictions of a method for the cases of a benchmark.
 
-One row per case; probabilities are rounded to 1/255. A case without a row has no prediction.
+The file has one row for each case, with probabilities rounded to 1/255. A case without a row has no prediction.
 """
 
 from __future__ import annotations
@@ -28,24 +28,25 @@ SCHEMA = pa.schema([
 
 
 def write_predictions(path: Path, rows: Iterable[tuple[str, Prediction]]) -> None:
-    """Write (case id, prediction), one row in memory."""
+    """Write pairs of case id and prediction, with one row in memory at a time."""
     with pq.ParquetWriter(path, SCHEMA, compression="zstd", compression_level=1, use_dictionary=False) as writer:
-        for case_id, said in rows:
-            writer.write_table(pa.Table.from_pylist([_row(case_id, said)], SCHEMA))
+        for case_id, prediction in rows:
+            writer.write_table(pa.Table.from_pylist([_row(case_id, prediction)], SCHEMA))
 
 
-def _row(case_id: str, said: Prediction) -> dict[str, object]:
-    _, k, height, width = said.probability.shape
+def _row(case_id: str, prediction: Prediction) -> dict[str, object]:
+    _, k, height, width = prediction.probability.shape
     return {
-        "case_id": case_id, "task": said.task, "hypotheses": k, "height": height, "width": width,
-        "probability": np.rint(said.probability * np.float32(255)).astype(np.uint8).tobytes(),
-        "score": said.score.reshape(-1).tolist(), "taxonomy": said.taxonomy.tolist(), "hands": said.hands.tolist(),
-        "threshold": said.threshold,
+        "case_id": case_id, "task": prediction.task, "hypotheses": k, "height": height, "width": width,
+        "probability": np.rint(prediction.probability * np.float32(255)).astype(np.uint8).tobytes(),
+        "score": prediction.score.reshape(-1).tolist(), "taxonomy": prediction.taxonomy.tolist(),
+        "hands": prediction.hands.tolist(),
+        "threshold": prediction.threshold,
     }  # fmt: skip
 
 
 class PredictionFile:
-    """The predictions of a file, read one by one."""
+    """Predictions of a file, read one at a time."""
 
     def __init__(self, path: Path) -> None:
         self._file = pq.ParquetFile(path)
@@ -56,7 +57,7 @@ class PredictionFile:
         self._row = {name: number for number, name in enumerate(names)}
 
     def get(self, case_id: str) -> Prediction | None:
-        """The prediction for a case, None when there is none."""
+        """Read the prediction for a case; None without a row."""
         if case_id not in self._row:
             return None
         row = self._file.read_row_group(self._row[case_id], use_threads=False).to_pylist()[0]

@@ -1,4 +1,4 @@
-"""Scores of all methods -> the report, as files."""
+"""Benchmark report: tables, plots and contact sheets of all methods, as files."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SHOWN = ("iou", "precision", "hand_iou")
 
 
 def bar_plot(rows: Sequence[Row], path: Path) -> None:
-    """IoU, precision and IoU per hand of every method, with 95 % intervals; kitchens of the cropped set where there are any."""
+    """Plot IoU, precision and IoU per hand of all methods with 95 % intervals, for the first group of the report."""
     first = rows[0]
     mine = [row for row in rows if (row.protocol, row.group) == (first.protocol, first.group)]
     figure = Figure(figsize=(9, 1.2 + 0.45 * len(mine)), layout="constrained")
@@ -37,14 +37,14 @@ def bar_plot(rows: Sequence[Row], path: Path) -> None:
 
 
 def reliability_plot(scores: Sequence[MethodScores], path: Path) -> None:
-    """Share that is true over predicted probability, for methods that give probabilities; nothing is written when none does."""
-    told = [(one.name, one.reliability.sum(axis=0)) for one in scores if one.reliability[:, 0].any()]
-    if not told:
+    """Plot the true share over the predicted probability; no file is written when no method gives probabilities."""
+    tables = [(one.name, one.reliability.sum(axis=0)) for one in scores if one.reliability[:, 0].any()]
+    if not tables:
         return
     figure = Figure(figsize=(5, 4.6), layout="constrained")
     axes = figure.subplots()
     axes.plot((0, 1), (0, 1), color="#999999", lw=0.8)
-    for name, (count, probability, truth) in told:
+    for name, (count, probability, truth) in tables:
         some = count > 0
         axes.plot(probability[some] / count[some], truth[some] / count[some], marker="o", ms=3, lw=1, label=name)
     axes.set(xlabel="predicted probability of a pixel", ylabel="share of the valid ways that hold it", xlim=(0, 1), ylim=(0, 1))
@@ -56,8 +56,9 @@ DETAILS = ("iou", "precision", "recall", "hd_px", "map", "hand_iou", "best_mode_
 
 
 def write(scores: tuple[MethodScores, ...], folder: Path, resamples: int, seed: int) -> FileTree:
-    """report.md, tables.tex, metrics.json, cases.json, plots/ and sheets/. ValueError when methods share a name, or were not
-    scored on the same cases.
+    """Write report.md, tables.tex, metrics.json, cases.json, plots/ and sheets/.
+
+    ValueError when methods share a name, or were scored on different cases.
     """
     check(scores)
     found = tables.rows(scores, resamples, seed)
@@ -77,9 +78,9 @@ def write(scores: tuple[MethodScores, ...], folder: Path, resamples: int, seed: 
 
 
 def check(scores: Sequence[MethodScores]) -> None:
-    """ValueError when the methods cannot stand in one table."""
+    """Raise ValueError unless the methods have different names and the same cases."""
     if not scores:
-        raise ValueError("the report needs at least one method, got none")
+        raise ValueError("the report needs at least one method")
     names = [one.name for one in scores]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
@@ -91,7 +92,7 @@ def check(scores: Sequence[MethodScores]) -> None:
 
 
 def markdown(scores: Sequence[MethodScores], found: Sequence[tables.Row]) -> str:
-    """The whole report as text."""
+    """Write the report as Markdown."""
     parts = ["# Benchmark of two-hand affordances\n\nIntervals are 95 %, by resampling cases. What each column means: "
              "docs/twohands/benchmark.md.\n\n"]  # fmt: skip
     for protocol, group in dict.fromkeys((row.protocol, row.group) for row in found):
@@ -104,7 +105,7 @@ def markdown(scores: Sequence[MethodScores], found: Sequence[tables.Row]) -> str
 
 
 def per_case(one: MethodScores) -> dict[str, dict[str, float]]:
-    """The main measures of every case, where they apply."""
+    """Main measures of each case to which they apply."""
     place = {name: one.measure.index(name) for name in DETAILS}
     cells = ({name: round(float(row[n]), 6) for name, n in place.items() if row[n] == row[n]} for row in one.values)
     return dict(zip(one.case_id, cells, strict=True))

@@ -1,4 +1,4 @@
-"""One method on all cases: strict and released measures, case by case."""
+"""Scores of one method on all cases, by the strict measures and by those of the released script."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ MEASURES = (
     "taxonomy_accuracy", "taxonomy_open_accuracy", "hands_accuracy", "taxonomy_confidence",
     "spurious", "spurious_unselected", "missed", "answered",
 )  # fmt: skip
-"""docs/twohands/benchmark.md says what each one is"""
+"""defined in docs/twohands/benchmark.md"""
 
 
 class Row(NamedTuple):
-    """One case, without its pictures."""
+    """Scores of one case."""
 
     case_id: str
     protocol: str
@@ -35,24 +35,25 @@ class Row(NamedTuple):
     notes: tuple[str, ...]
     task: str
     taxonomy: tuple[int, ...]
-    """of each mode"""
+    """taxonomy of each mode"""
     values: dict[str, float]
     compat: np.ndarray
     """(l, 4)"""
     found: int
-    """taxonomy that was said, -1 for none"""
+    """predicted taxonomy, -1 without one"""
     reliability: np.ndarray
 
     @property
     def valid(self) -> frozenset[int]:
-        """Taxonomies that are right."""
+        """Taxonomies of the valid modes."""
         return frozenset(self.taxonomy) - {int(Taxonomy.NONE)}
 
 
 def score(name: str, cases: Iterable[Case], levels: tuple[float, ...], answer: Callable[[Case], Answer], floor: float,
           sheets: Callable[[list[str], np.ndarray], tuple[Sheet, ...]]) -> MethodScores:  # fmt: skip
-    """Scores of a method. `floor` is the probability below which pixels do not count for calibration; `sheets` draws cases from
-    their ids and IoU.
+    """Score a method on all cases.
+
+    `floor` is the probability below which pixels do not count for calibration. `sheets` draws cases, given their ids and IoU.
     """
     rows = [score_case(case, answer(case), floor) for case in cases]
     _add_open(rows)
@@ -75,41 +76,41 @@ def score(name: str, cases: Iterable[Case], levels: tuple[float, ...], answer: C
     )
 
 
-def score_case(case: Case, said: Answer, floor: float) -> Row:
-    """Every measure of one case."""
-    union = said.top[0] | said.top[1]
+def score_case(case: Case, prediction: Answer, floor: float) -> Row:
+    """Compute all measures of one case."""
+    union = prediction.top[0] | prediction.top[1]
     mode = case.modes[measures.best_mode(union, case.modes)]
     truth = mode[0] | mode[1]
-    table = measures.agreement(said.proposals, case.modes)
+    table = measures.agreement(prediction.proposals, case.modes)
     values = {
         **measures.overlap(union, truth)._asdict(),
         **dict(zip(("hd_px", "hd_symmetric_px"), measures.hausdorff(union, truth), strict=True)),
-        "map": float(np.mean([_best_precision(cut[0] | cut[1], case.modes) for cut in said.cuts])),
-        **_per_hand(said.top, mode),
+        "map": float(np.mean([_best_precision(cut[0] | cut[1], case.modes) for cut in prediction.cuts])),
+        **_per_hand(prediction.top, mode),
         "first_mode_iou": iou(union, case.modes[0, 0] | case.modes[0, 1]),
         "best_mode_iou": measures.best_mode_iou(table),
         "best_hypothesis_iou": measures.best_hypothesis_iou(table),
-        **_hands(said, case.modes, mode),
-        "answered": float(any(file is not None for pair in said.files for file in pair)),
+        **_hands(prediction, case.modes, mode),
+        "answered": float(any(file is not None for pair in prediction.files for file in pair)),
     }
-    found = -1 if said.taxonomy is None else int(said.taxonomy.argmax())
+    found = -1 if prediction.taxonomy is None else int(prediction.taxonomy.argmax())
     taxonomy = tuple(int(one) for one in case.taxonomy)
-    row = Row(case.case_id, case.protocol, case.groups, case.notes, case.task, taxonomy, values, _compat(case, said), found,
-              _reliability(case, said, floor))
-    known = said.taxonomy is not None and bool(row.valid)
+    row = Row(case.case_id, case.protocol, case.groups, case.notes, case.task, taxonomy, values, _compat(case, prediction), found,
+              _reliability(case, prediction, floor))
+    known = prediction.taxonomy is not None and bool(row.valid)
     values["taxonomy_accuracy"] = float(found in row.valid) if known else NAN
-    values["taxonomy_confidence"] = float(said.taxonomy.max()) if said.taxonomy is not None and known else NAN
+    values["taxonomy_confidence"] = float(prediction.taxonomy.max()) if prediction.taxonomy is not None and known else NAN
     return row
 
 
 def _best_precision(found: np.ndarray, all_modes: np.ndarray) -> float:
-    """Precision against the mode that fits best."""
+    """Precision against the mode with the best IoU."""
     mode = all_modes[measures.best_mode(found, all_modes)]
     return measures.precision(found, mode[0] | mode[1])
 
 
 def _per_hand(top: np.ndarray, mode: np.ndarray) -> dict[str, float]:
-    """Overlaps of each hand that the mode takes; `hand_iou` is over hands that are taken or returned, 0 for one too many."""
+    """Overlaps of the hands of a mode; `hand_iou` is the mean over hands in the mode or returned, 0 for a hand too many."""
     out: dict[str, float] = {}
     ious: list[float] = []
     for hand, found, truth in zip(SIDES, top, mode, strict=True):
@@ -121,12 +122,12 @@ def _per_hand(top: np.ndarray, mode: np.ndarray) -> dict[str, float]:
     return out | {"hand_iou": float(np.mean(ious))}
 
 
-def _hands(said: Answer, all_modes: np.ndarray, mode: np.ndarray) -> dict[str, float]:
-    """Which hands were returned against which the task takes."""
-    returned, needed = _some(said.top), _some(mode)
+def _hands(prediction: Answer, all_modes: np.ndarray, mode: np.ndarray) -> dict[str, float]:
+    """Measures of the returned hands against those of the valid modes."""
+    returned, needed = _some(prediction.top), _some(mode)
     takes = np.stack([_some(one) for one in all_modes])
     idle = ~takes.any(axis=0)
-    without = None if said.unselected is None else _some(said.unselected)
+    without = None if prediction.unselected is None else _some(prediction.unselected)
     return {
         "hands_accuracy": float((takes == returned).all(axis=1).any()),
         "spurious": float(returned[idle].any()) if idle.any() else NAN,
@@ -136,39 +137,37 @@ def _hands(said: Answer, all_modes: np.ndarray, mode: np.ndarray) -> dict[str, f
 
 
 def _some(pair: np.ndarray) -> np.ndarray:
-    """(2,) bool: which hands have a region."""
+    """Hands (2,) bool that have a region."""
     return np.array([mask.any() for mask in pair])
 
 
-def _compat(case: Case, said: Answer) -> np.ndarray:
+def _compat(case: Case, prediction: Answer) -> np.ndarray:
     truth = tuple(mask for mask in case.modes[0] if mask.any())
-    scores = [compat.case_score(truth, pair) for pair in said.files]
+    scores = [compat.case_score(truth, pair) for pair in prediction.files]
     return np.array([(NAN,) * 4 if one is None else tuple(one) for one in scores], np.float64)
 
 
-def _reliability(case: Case, said: Answer, floor: float) -> np.ndarray:
-    if said.marginal is None:
+def _reliability(case: Case, prediction: Answer, floor: float) -> np.ndarray:
+    if prediction.marginal is None:
         return np.zeros((3, measures.BINS))
     held = case.modes.sum(axis=0, dtype=np.uint8)
-    return np.sum([measures.reliability(p, hand, len(case.modes), floor) for p, hand in zip(said.marginal, held, strict=True)],
-                  axis=0)
+    pairs = zip(prediction.marginal, held, strict=True)
+    return np.sum([measures.reliability(p, hand, len(case.modes), floor) for p, hand in pairs], axis=0)
 
 
 def _add_open(rows: list[Row]) -> None:
-    """`taxonomy_open_accuracy`: accuracy on cases whose task alone does not say which hands it takes, because no answer is right
-    for every case with these words.
-    """
+    """Add `taxonomy_open_accuracy`, for cases whose task does not determine the hands: no class is valid for all its cases."""
     by_task: dict[tuple[str, str], list[Row]] = defaultdict(list)
     for row in rows:
         by_task[row.protocol, row.task.lower()].append(row)
     for alike in by_task.values():
-        told = frozenset.intersection(*(row.valid for row in alike))
+        shared = frozenset.intersection(*(row.valid for row in alike))
         for row in alike:
-            row.values["taxonomy_open_accuracy"] = NAN if told else row.values["taxonomy_accuracy"]
+            row.values["taxonomy_open_accuracy"] = NAN if shared else row.values["taxonomy_accuracy"]
 
 
 def _true(row: Row) -> int:
-    """The right class that stands in the confusion table."""
+    """True class for the confusion table: the predicted one if it is valid, else that of the first mode."""
     if row.found in row.valid:
         return row.found
     return next((one for one in row.taxonomy if one != Taxonomy.NONE), int(Taxonomy.NONE))

@@ -1,4 +1,9 @@
-"""Rows of numbers as Markdown and LaTeX, the published ones beside ours."""
+"""Mean scores by protocol, group and method, and their tables in Markdown and LaTeX.
+
+Names of metrics: ``[compat.][masks.][<group>.]<method>.<measure>[.low|.high]``. The default protocol is cropped, and the
+default group is kitchens; other groups are shift, all, epic, ego4d and those that a benchmark adds. `low` and `high` are the ends
+of 95 % intervals.
+"""
 
 from __future__ import annotations
 
@@ -15,62 +20,62 @@ from schemas.affordance import TAXONOMY
 from schemas.benchmark import MethodScores
 
 FIRST = (KITCHEN, SHIFT, "all", "epic", "ego4d")
-"""groups in the order of the tables; others follow by name"""
+"""first groups of the tables; others follow by name"""
 
 
 class Row(NamedTuple):
-    """One method on one group of cases of one protocol."""
+    """Means of one method over one group of cases of one protocol."""
 
     method: str
     protocol: str
     group: str
     cases: int
     mean: dict[str, float]
-    """only measures that apply to a case of the group"""
+    """measures that apply to a case of the group"""
     low: dict[str, float]
     high: dict[str, float]
     compat: compat.Summary | None
 
     @property
     def prefix(self) -> str:
-        """The name of its measures, without the measure."""
+        """Prefix of the names of its metrics."""
         group = "" if self.group == KITCHEN else f"{self.group}."
         return f"{'' if self.protocol == 'cropped' else 'masks.'}{group}{self.method}"
 
 
 def groups(scores: Iterable[MethodScores]) -> list[str]:
-    """Every group that a case is in, in the order of the tables."""
+    """List the groups of all cases, in the order of the tables."""
     seen = {group for one in scores for case in one.groups for group in case}
     return [name for name in FIRST if name in seen] + sorted(seen - set(FIRST))
 
 
 def rows(scores: tuple[MethodScores, ...], resamples: int, seed: int) -> list[Row]:
-    """By protocol, group and method; only those with cases."""
+    """Compute the rows of all protocols, groups and methods that have cases."""
     places = [(protocol, group) for protocol in PROTOCOLS for group in groups(scores)]
     found = (row(one, protocol, group, resamples, seed) for protocol, group in places for one in scores)
     return [one for one in found if one is not None]
 
 
 def row(one: MethodScores, protocol: str, group: str, resamples: int, seed: int) -> Row | None:
-    """The means of a method over a group, None when no case is in it."""
+    """Compute the means of a method over a group; None for a group without cases."""
     chosen = members(one, protocol, group)
     if not chosen.any():
         return None
     values = one.values[chosen]
     low, high = statistics.bootstrap_interval(values, resamples, seed)
-    told = [n for n in range(len(one.measure)) if np.isfinite(values[:, n]).any()]
-    mean = {one.measure[n]: float(np.nanmean(values[:, n])) for n in told} | _errors(one, chosen)
-    ends = [{one.measure[n]: float(end[n]) for n in told} for end in (low, high)]
+    known = [n for n in range(len(one.measure)) if np.isfinite(values[:, n]).any()]
+    mean = {one.measure[n]: float(np.nanmean(values[:, n])) for n in known} | _errors(one, chosen)
+    ends = [{one.measure[n]: float(end[n]) for n in known} for end in (low, high)]
     return Row(one.name, protocol, group, int(chosen.sum()), mean, ends[0], ends[1], compat.summary(one.compat[chosen], one.level))
 
 
 def members(one: MethodScores, protocol: str, group: str) -> np.ndarray:
-    """(n,) bool: which cases belong to a group of a protocol."""
-    return np.array([said == protocol and group in of for said, of in zip(one.protocol, one.groups, strict=True)], bool)
+    """Cases (n,) bool of a group of a protocol."""
+    return np.array([own == protocol and group in groups_ for own, groups_ in zip(one.protocol, one.groups, strict=True)], bool)
 
 
 def _errors(one: MethodScores, chosen: np.ndarray) -> dict[str, float]:
-    """Calibration of pixels and of the taxonomy, where the method gives probabilities."""
+    """Calibration errors of pixels and of the taxonomy, for a method with probabilities."""
     out = {"ece": measures.expected_error(one.reliability[chosen].sum(axis=0))}
     right, sure = (one.values[chosen, one.measure.index(name)] for name in ("taxonomy_accuracy", "taxonomy_confidence"))
     known = np.isfinite(right)
@@ -80,7 +85,7 @@ def _errors(one: MethodScores, chosen: np.ndarray) -> dict[str, float]:
 
 
 def metrics(found: Iterable[Row]) -> dict[str, float]:
-    """Everything as one flat dict."""
+    """Flatten rows into a dict of metrics."""
     flat = {name: value for one in found for name, value in _flat(one)}
     return dict(sorted(flat.items()))
 
@@ -94,7 +99,7 @@ def _flat(one: Row) -> Iterator[tuple[str, float]]:
 
 
 def confusion(one: MethodScores, chosen: np.ndarray) -> np.ndarray | None:
-    """(4, 4) cases, true class by row and predicted by column; None for a method that tells no class."""
+    """Confusion matrix (4, 4) of cases, true class by row; None for a method without a taxonomy."""
     known = chosen & (one.taxonomy_true >= 0) & (one.taxonomy_found >= 0)
     if not known.any():
         return None
@@ -104,19 +109,24 @@ def confusion(one: MethodScores, chosen: np.ndarray) -> np.ndarray | None:
 
 
 STRICT = (
-    ("IoU", "iou"), ("precision", "precision"), ("recall", "recall"), ("F1", "f1"), ("HD px", "hd_px"), ("mAP", "map"),
-    ("IoU per hand", "hand_iou"), ("best-mode IoU", "best_mode_iou"), ("taxonomy", "taxonomy_accuracy"),
+    ("first-mode IoU", "first_mode_iou"), ("best-mode IoU", "iou"), ("precision", "precision"), ("recall", "recall"),
+    ("F1", "f1"), ("HD px", "hd_px"), ("mAP", "map"), ("IoU per hand", "hand_iou"), ("IoU over modes", "best_mode_iou"),
+    ("taxonomy", "taxonomy_accuracy"),
     ("taxonomy, open", "taxonomy_open_accuracy"), ("hands", "hands_accuracy"), ("idle hand", "spurious"), ("ECE", "ece"),
 )  # fmt: skip
 COMPAT = (("IoU", "iou"), ("precision", "precision"), ("HD px", "hd_px"), ("mAP", "map"), ("counted", "counted"))
-BOUNDED = ("IoU", "precision", "mAP")
-"""columns with their interval"""
+BOUNDED = ("first-mode IoU", "best-mode IoU", "precision", "mAP")
+"""columns that show their interval"""
 TITLES = {KITCHEN: "Kitchens", SHIFT: "Other scenes", "all": "All cases", "epic": "EPIC-KITCHENS", "ego4d": "Ego4D"}
 SETS = {"cropped": "cropped to the objects", "masks": "whole images"}
 
 
+RELEASED = ("\nBy the definitions of the released script. Rows of a paper are scores on ActAffordance: they compare with others "
+            "only where the cases are the same.\n\n")  # fmt: skip
+
+
 class Published(NamedTuple):
-    """A row of a paper, on ActAffordance, by its own script."""
+    """Scores in a paper, on ActAffordance, by its own script."""
 
     method: str
     paper: str
@@ -124,18 +134,18 @@ class Published(NamedTuple):
 
 
 PUBLISHED = (Published("AffExtract", "2HandedAfforder", {"precision": 0.420, "iou": 0.185}),)
-"""numbers we have seen; others are in the paper"""
+"""published scores; the paper has more"""
 
 
 def markdown(rows: Sequence[Row], protocol: str, group: str, heading: str) -> str:
-    """Strict and released measures of every method on one group."""
+    """Write the table of one group: strict measures of all methods, then those of the released script."""
     mine = [row for row in rows if (row.protocol, row.group) == (protocol, group)]
     if not mine:
         return ""
     title = f"## {heading}: {TITLES.get(group, group)}, {SETS[protocol]}, {mine[0].cases} cases\n\n"
     columns = [(name, key) for name, key in STRICT if any(key in row.mean for row in mine)]
     strict = _table(["method", *(name for name, _ in columns)], [[row.method, *(_cell(row, *c) for c in columns)] for row in mine])
-    return title + strict + "\nBy the definitions of the released script:\n\n" + _released(mine)
+    return title + strict + RELEASED + _released(mine)
 
 
 def _released(rows: Sequence[Row]) -> str:
@@ -146,13 +156,13 @@ def _released(rows: Sequence[Row]) -> str:
 
 
 def confusion_table(method: str, counts: np.ndarray) -> str:
-    """A Markdown table of true classes by predicted ones."""
+    """Write a confusion matrix as a Markdown table."""
     lines = [[f"**{TAXONOMY[n]}**", *map(str, line)] for n, line in enumerate(counts.tolist())]
     return f"### Taxonomy, {method}: true by row, predicted by column\n\n" + _table(["", *TAXONOMY], lines)
 
 
 def notes(listed: Sequence[tuple[str, ...]]) -> str:
-    """How many cases are odd, by kind."""
+    """Write the table of irregular cases, counted by kind."""
     kinds = [note.partition(":")[0].partition(" from ")[0] for of in listed for note in of]
     if not kinds:
         return ""
@@ -161,7 +171,7 @@ def notes(listed: Sequence[tuple[str, ...]]) -> str:
 
 
 def latex(rows: Sequence[Row], protocol: str, group: str) -> str:
-    """A `tabular` of the strict measures, with \\toprule and friends of booktabs."""
+    """Write the strict measures as a LaTeX `tabular` with the rules of booktabs."""
     mine = [row for row in rows if (row.protocol, row.group) == (protocol, group)]
     columns = [(name, key) for name, key in STRICT if any(key in row.mean for row in mine)]
     lines = [" & ".join([_escape(row.method), *(_number(row.mean.get(key), key) for _, key in columns)]) for row in mine]

@@ -1,9 +1,9 @@
-"""TORAS annotations (the tool ActAffordance was outlined with) -> true masks.
+"""True masks from TORAS annotations, with which ActAffordance was outlined (2HandedAfforder).
 
-One entry per picture: `documents[0].name` ends in `frame_<frame>.png` (EPIC, the video id before it) or in
-`frame_<clip>_<frame>.png` (Ego4D). Its entities are named after the hands; the first Segmentation block counts. The left
-512 x 512 px of the canvas are the inpainted image, and go to 855 x 855 by nearest neighbour. A pixel that an outline touches
-belongs to the mask, as in the released grey PNGs. 2HandedAfforder, the annotation of ActAffordance.
+An export has one entry for each picture. `documents[0].name` ends in `frame_<frame>.png` (EPIC, after the video id) or in
+`frame_<clip>_<frame>.png` (Ego4D). The entities are named after the hands, and the first Segmentation block counts. The left
+512 x 512 px of the canvas are the inpainted image, which is resized to 855 x 855 by nearest neighbour. A pixel that an outline
+touches belongs to the mask, as in the released grey PNGs.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from schemas.video import SIDES
 
 CANVAS_PX, FULL_PX = 512, 855
 FINE = 8
-"""steps per pixel in which outlines are drawn"""
+"""subpixels along each side of a pixel, in which outlines are drawn"""
 EPIC = re.compile(r"(P\d\d_\d+)_.*frame_(\d+)\.\w+$")
 EGO4D = re.compile(r"frame_(.+)_(\d+)\.\w+$")
 Annotation = list[np.ndarray]
@@ -33,12 +33,12 @@ Annotation = list[np.ndarray]
 
 @dataclass(frozen=True)
 class Toras:
-    """Outlines by (video, frame) and hand; drawn when asked for."""
+    """Outlines by (video, frame) and hand, which are drawn on request."""
 
     outlines: dict[tuple[str, int], dict[str, list[Annotation]]]
 
     def __call__(self, files: CaseFiles, annotation: Any) -> np.ndarray:
-        """(2, h, w) bool: the two hands' regions; a crop is cut out of the whole by `target_box`."""
+        """Draw the regions of both hands, (2, h, w) bool; a crop is cut out of the whole by `target_box`."""
         hands = self.outlines.get((files.video, int(files.frame)))
         if hands is None:
             raise SourceError(files.where, "an entry of that video and frame in the TORAS file", "none", "remove the case")
@@ -50,7 +50,7 @@ class Toras:
 
 
 def of_tree(files: FileTree) -> Toras:
-    """The outlines of every *toras_anns.json of a benchmark's folder. SourceError when there is none."""
+    """Read all *toras_anns.json of a benchmark's folder. SourceError without such a file."""
     named = [ref for ref in files.files if ref.name.endswith("toras_anns.json")]
     if not named:
         raise SourceError(files.name, "a file toras_anns.json", "none", "score the PNG masks: --set score_cases.truth=png")
@@ -58,7 +58,7 @@ def of_tree(files: FileTree) -> Toras:
 
 
 def read(data: bytes, name: str) -> Toras:
-    """The outlines of an export. SourceError names the entry that cannot be used."""
+    """Read the outlines of an export. SourceError names the entry that cannot be used."""
     document = parse_json(data, name)
     if not isinstance(document, list):
         raise SourceError(name, "a list of annotated documents", type(document).__name__, "export the annotations from TORAS")
@@ -91,7 +91,7 @@ def _hands(annotation: Any, where: str) -> dict[str, list[Annotation]]:
 
 
 def _segmentation(entity: Any, where: str) -> list[Annotation]:
-    """Annotations of the first Segmentation block; outlines of fewer than three corners are dropped."""
+    """Outlines of the first Segmentation block; those of fewer than three corners are dropped."""
     for block in json_field(entity, "annotationBlocks", list, where):
         if block.get("blockName") == "Segmentation":
             drawn = [json_field(a, "segments", list, where) for a in json_field(block, "annotations", list, where)]
@@ -100,7 +100,7 @@ def _segmentation(entity: Any, where: str) -> list[Annotation]:
 
 
 def draw(annotations: list[Annotation]) -> np.ndarray:
-    """(855, 855) bool. Outlines of one annotation cancel where they overlap; annotations are joined."""
+    """Draw a mask (855, 855) bool: outlines of one annotation are filled even-odd, annotations are united."""
     canvas = np.zeros((CANVAS_PX, CANVAS_PX), bool)
     side = CANVAS_PX * FINE
     for outlines in annotations:

@@ -1,4 +1,4 @@
-"""A server that a crowd cannot exhaust: so many connections at once, so many bytes at once, and a sentence for all others."""
+"""HTTP server with bounded numbers of connections and of bytes in memory; requests beyond the bounds get an error."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ from typing import Any
 
 MAX_CONNECTIONS = 128
 DROP_S = 0.5
-"""longest wait for the place of a connection that was dropped"""
+"""longest wait until a dropped connection has ended"""
 LINGER_S = 1.0
-"""how long a refused connection stays open, so that its visitor gets to read why"""
+"""time that a refused connection stays open, so that the client can read the reason"""
 
 
 class FullError(Exception):
-    """No room within the time."""
+    """The budget has no room within the time limit."""
 
 
 class ByteBudget:
-    """Bytes that may be in use at once."""
+    """Budget of bytes in memory, shared by all threads."""
 
     def __init__(self, total: int) -> None:
         self._free, self._changed = total, threading.Condition()
 
     @contextmanager
     def taken(self, count: int, wait_s: float) -> Iterator[None]:
-        """`count` of them, as soon as they are free. FullError when they are not within `wait_s`."""
+        """Reserve `count` bytes. FullError when they are not free within `wait_s`."""
         with self._changed:
             if not self._changed.wait_for(lambda: self._free >= count, wait_s):
                 raise FullError
@@ -46,9 +46,10 @@ class ByteBudget:
 
 
 class BoundedServer(ThreadingHTTPServer):
-    """A server with at most MAX_CONNECTIONS connections, a thread each. A further one takes the place of the one that has been
-    silent for longest, or gets 503 where all are busy. A handler calls `silent` before it waits for a request, `busy` when it has
-    one.
+    """Server with at most MAX_CONNECTIONS connections, each with its own thread.
+
+    A further connection replaces the one that has been silent for longest, or gets status 503 when all are busy. A handler calls
+    `silent` before it waits for a request, and `busy` when it has one.
     """
 
     daemon_threads = True
@@ -62,19 +63,19 @@ class BoundedServer(ThreadingHTTPServer):
         super().__init__(*args)
 
     def process_request(self, request: Any, client_address: Any) -> None:
-        """Serve a connection in a thread of its own, or refuse it where MAX_CONNECTIONS are busy."""
+        """Serve a connection in its own thread, or refuse it when MAX_CONNECTIONS are busy."""
         if not (self._seats.acquire(blocking=False) or (self._drop() and self._seats.acquire(timeout=DROP_S))):
             self._refuse(request)
             return
         self.silent(request)
         try:
             super().process_request(request, client_address)
-        except BaseException:  # no thread was started that would
+        except BaseException:  # no thread was started to release the seat
             self._seats.release()
             raise
 
     def process_request_thread(self, request: Any, client_address: Any) -> None:
-        """Serve a connection to its end."""
+        """Serve a connection until it ends."""
         try:
             super().process_request_thread(request, client_address)
         finally:
@@ -82,28 +83,28 @@ class BoundedServer(ThreadingHTTPServer):
             self._seats.release()
 
     def silent(self, connection: socket.socket) -> None:
-        """Note that a connection waits for a request and may be dropped."""
+        """Record that a connection waits for a request and may be dropped."""
         with self._lock:
             self._silent[connection] = None
 
     def busy(self, connection: socket.socket) -> None:
-        """Note that a connection has a request, or has ended."""
+        """Record that a connection has a request, or has ended."""
         with self._lock:
             self._silent.pop(connection, None)
 
     def _drop(self) -> bool:
-        """End the connection that has been silent for longest, if there is one; its thread ends, too."""
+        """Close the connection that has been silent for longest, if any; its thread then ends."""
         with self._lock:
             oldest = next(iter(self._silent), None)
             if oldest is None:
                 return False
             del self._silent[oldest]
-            with suppress(OSError):  # its visitor has left
+            with suppress(OSError):  # the client has left
                 oldest.shutdown(socket.SHUT_RDWR)
             return True
 
     def service_actions(self) -> None:
-        """Close connections that were refused some time ago, and those of a crowd at once."""
+        """Close refused connections after LINGER_S, or at once when there are many."""
         while self._refused and (self._refused[0][0] < time.monotonic() - LINGER_S or len(self._refused) > MAX_CONNECTIONS):
             self.shutdown_request(self._refused.popleft()[1])
 
@@ -114,12 +115,12 @@ class BoundedServer(ThreadingHTTPServer):
             connection.close()
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """The traceback of a failure on the terminal; a visitor who left, or does not take the answer, is no failure."""
+        """Print the traceback of a failure, unless the client left or did not read the answer."""
         if not isinstance(sys.exc_info()[1], ConnectionError | TimeoutError):
             super().handle_error(request, client_address)
 
     def _refuse(self, connection: socket.socket) -> None:
-        """Say in one sentence that there is no place, without waiting for anything."""
+        """Send status 503 without blocking."""
         body = error_json(f"{MAX_CONNECTIONS} visitors are served already; wait a moment and try again")
         head = (f"HTTP/1.1 503 Service Unavailable\r\nContent-Type: application/json; charset=utf-8\r\n"
                 f"Content-Length: {len(body)}\r\nRetry-After: 1\r\nConnection: close\r\n\r\n")  # fmt: skip
@@ -127,12 +128,12 @@ class BoundedServer(ThreadingHTTPServer):
         try:
             connection.send(head.encode() + body)
             connection.shutdown(socket.SHUT_WR)
-        except OSError:  # the visitor has left
+        except OSError:  # the client has left
             self.shutdown_request(connection)
             return
         self._refused.append((time.monotonic(), connection))
 
 
 def error_json(message: str) -> bytes:
-    """One sentence as JSON."""
+    """Encode an error message as JSON."""
     return json.dumps({"error": message}).encode()

@@ -1,5 +1,6 @@
-"""A few pictures to begin with, none of which the model was trained on: stills of a benchmark set, or of the validation part of the
-data set that the model learned from, where these lie in the store.
+"""Example pictures of the demo that the model was not trained on.
+
+They are stills of a benchmark set, or pictures of the validation split of the data set of the training, where the store has them.
 """
 
 from __future__ import annotations
@@ -24,37 +25,36 @@ from afford.twohands.train.samples import tables
 
 COUNT, MANY = 6, 1000
 DIGEST = re.compile(r"content digest `([0-9a-f]{64})`")
-"""how the card of a model names the data set that it learned from"""
+"""form in which the card of a model names its data set"""
 COLUMNS = ("video", "narration", "image")
 MIN_SIDE_PX, MAX_SIDE_PX = 160, 640
 
 
 @dataclass(frozen=True)
 class Example:
-    """A picture and a task that fits it."""
+    """Example picture and a task for it."""
 
     task: str
     jpeg: bytes
 
 
 def examples(benchmarks: Path) -> list[Example]:
-    """Up to COUNT stills of the rendered sets below `benchmarks`, each of another room as far as there are so many; none when
-    there is no set.
-    """
+    """Choose up to COUNT stills of the rendered sets below `benchmarks`, from different rooms where possible."""
     rooms = [sorted(room.glob(f"*/{IMAGE}")) for room in sorted(benchmarks.glob("*/masks/[!.]*"))]
     return _chosen(_still(path) for path in _in_turns(rooms))
 
 
 def data_set(model: Path) -> str | None:
-    """Content digest of the data set that the model in a folder learned from, as the card beside it says; None without a card."""
+    """Content digest of the data set of a model's training, read from its card; None without a card."""
     card = model.parent / CARD
     found = DIGEST.search(card.read_text(encoding="utf-8")) if card.is_file() else None
     return found[1] if found else None
 
 
 def held_out(files: Mapping[str, Path]) -> list[Example]:
-    """Up to COUNT pictures of the part `val` of a data set (name below its folder -> file), each of another video as far as the
-    first MANY samples have so many; none when it has no such part in Parquet files.
+    """Choose up to COUNT pictures of the split `val` of a data set (name below its folder -> file).
+
+    They are from different videos, as far as the first MANY samples have them. Only Parquet files are read.
     """
     videos: dict[str, list[dict[str, Any]]] = {}
     rows = (row for name in tables(files).get("val", ()) if name.endswith(".parquet") for row in _rows(files[name]))
@@ -64,7 +64,7 @@ def held_out(files: Mapping[str, Path]) -> list[Example]:
 
 
 def _rows(path: Path) -> Iterator[dict[str, Any]]:
-    """SourceError for a file that is no table of pictures with tasks."""
+    """Read pictures with tasks. SourceError for a file without these columns."""
     try:
         with pq.ParquetFile(path) as file:
             missing = [name for name in COLUMNS if name not in file.schema_arrow.names]
@@ -77,12 +77,12 @@ def _rows(path: Path) -> Iterator[dict[str, Any]]:
 
 
 def _in_turns(rooms: list[list[Any]]) -> list[Any]:
-    """The first of each room, the second of each, ..."""
+    """Interleave: the first of each room, the second of each, ..."""
     return [room[n] for n in range(max(map(len, rooms), default=0)) for room in rooms if n < len(room)]
 
 
 def _chosen(made: Iterable[Example | None]) -> list[Example]:
-    """The first of each task, COUNT in all."""
+    """Keep the first example of each task, at most COUNT."""
     found: dict[str, Example] = {}
     for one in made:
         if one and len(found) < COUNT:
@@ -93,7 +93,7 @@ def _chosen(made: Iterable[Example | None]) -> list[Example]:
 
 
 def _still(path: Path) -> Example | None:
-    """The still without the black bars of its layout; None for a task without words and for a sliver."""
+    """Crop the black bars from a still; None without a task, or for a picture that is too small."""
     task = str(json.loads((path.parent / ANNOTATION).read_text(encoding="utf-8")).get("narration") or "")
     rgb = read_image(path)
     seen = rgb.max(axis=(1, 2)).nonzero()[0]

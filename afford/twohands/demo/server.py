@@ -1,6 +1,7 @@
-"""The page over HTTP. Everything it can give is in memory before it starts: no path of a request reaches the file system.
+"""HTTP server of the demo page. All files are read into memory before it starts, so no path of a request reaches the file system.
 
-Connections, bodies in memory and the time that a request takes to come are bounded, so that no visitor keeps the others out.
+The number of connections, the bytes of bodies in memory, and the duration of a request are bounded, so that no client blocks
+others.
 """
 
 from __future__ import annotations
@@ -27,14 +28,14 @@ from afford.twohands.demo.service import QuestionError
 
 MAX_BODY_BYTES = 16 << 20
 MAX_BODIES_BYTES = 4 * MAX_BODY_BYTES
-"""of all bodies that are in memory at once; further ones wait on their way"""
+"""total of bodies in memory; further requests wait"""
 MAX_FIELDS = 8
 HEAD_S = 10.0
-"""from the first moment of a connection, or the last answer, to the last header of a request"""
+"""time limit from the start of a connection, or the last answer, to the last header of a request"""
 BODY_S = 60.0
-"""for the body to come, once there is room for it; and for an answer to be taken"""
+"""time limit to receive a body, once there is room for it, and to send an answer"""
 ROOM_S = 30.0
-"""longest wait for room"""
+"""longest wait for room in memory"""
 CHUNK_BYTES = 1 << 16
 LENGTH = re.compile(r"[0-9]{1,18}")
 HERE = Path(__file__).parent
@@ -54,11 +55,11 @@ STATUS = (
 Content = Mapping[str, tuple[str, bytes]]
 """path of a request -> content type and body"""
 Ask = Callable[[bytes, str, str], dict[str, Any]]
-"""(image file, task, hands) -> what is sent as JSON; SourceError for what cannot be answered"""
+"""(image file, task, hands) -> JSON object; SourceError for a request that is not valid"""
 
 
 class RequestError(Exception):
-    """A request that is answered by a status and one sentence."""
+    """Error that is sent as a status and a one-sentence message."""
 
     def __init__(self, status: HTTPStatus, message: str) -> None:
         super().__init__(message)
@@ -66,10 +67,10 @@ class RequestError(Exception):
 
 
 class Site(BoundedServer):
-    """A page and a model, on one address. `serve_forever` runs it; port 0 takes any that is free."""
+    """Server of the page and the model at one address. `serve_forever` runs it; port 0 selects a free port."""
 
     def __init__(self, host: str, port: int, ask: Ask, about: dict[str, Any], examples: Sequence[Example]) -> None:
-        """OSError when the address cannot be had."""
+        """Bind the address. OSError when it cannot be bound."""
         self.address_family = socket.AF_INET6 if ":" in host else socket.AF_INET
         self.ask, self.content, self.host = ask, content(about, examples), host
         self.room = ByteBudget(MAX_BODIES_BYTES)
@@ -77,18 +78,18 @@ class Site(BoundedServer):
 
     @property
     def url(self) -> str:
-        """Where a browser finds it."""
+        """Address for a browser."""
         name = f"[{self.host}]" if ":" in self.host else self.host
         return f"http://{name}:{self.server_address[1]}/"
 
     @property
     def is_local(self) -> bool:
-        """Only programs on this machine reach it."""
+        """Check that the address can be reached from this machine only."""
         return is_loopback(self.host)
 
 
 def content(about: dict[str, Any], examples: Sequence[Example]) -> dict[str, tuple[str, bytes]]:
-    """Everything that GET can give."""
+    """Collect the responses to GET requests."""
     found = {path: (kind, (HERE / name).read_bytes()) for path, (name, kind) in PAGE.items()}
     found |= {f"/examples/{n}.jpg": ("image/jpeg", one.jpeg) for n, one in enumerate(examples)}
     listed = [{"url": f"/examples/{n}.jpg", "task": one.task} for n, one in enumerate(examples)]
@@ -98,7 +99,7 @@ def content(about: dict[str, Any], examples: Sequence[Example]) -> dict[str, tup
 
 
 def is_loopback(host: str) -> bool:
-    """localhost, 127.0.0.0/8 and ::1."""
+    """Check that a host is localhost, 127.0.0.0/8 or ::1."""
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
@@ -106,7 +107,7 @@ def is_loopback(host: str) -> bool:
 
 
 class Handler(BaseHTTPRequestHandler):
-    """GET gives the page, its parts and the examples; POST /predict?task=...&hands=... takes an image file as its body."""
+    """Handle GET of the page, its parts and the examples, and POST /predict?task=...&hands=... with an image file as the body."""
 
     server: Site
     protocol_version = "HTTP/1.1"
@@ -114,35 +115,35 @@ class Handler(BaseHTTPRequestHandler):
     server_version, sys_version = "afford", ""
 
     def setup(self) -> None:
-        """The connection, read until a deadline."""
+        """Wrap the connection so that reading stops at a deadline."""
         super().setup()
         self._incoming = DeadlineStream(self.connection, self.rfile.detach(), 0.0)  # type: ignore[attr-defined]  # it is a BufferedReader
         self.rfile = io.BufferedReader(self._incoming)
 
     def handle_one_request(self) -> None:
-        """One request, whose line and headers must come within HEAD_S."""
+        """Handle one request, whose line and headers must arrive within HEAD_S."""
         self._incoming.ends = time.monotonic() + HEAD_S
         self.server.silent(self.connection)
         super().handle_one_request()
 
     def parse_request(self) -> bool:
-        """Whether line and headers are a request; its connection is not dropped for others."""
+        """Parse line and headers; a connection with a request is not dropped for others."""
         whole = super().parse_request()
         self.server.busy(self.connection)
         return whole
 
     def do_GET(self) -> None:
-        """The page and its parts."""
+        """Send the page or one of its parts."""
         self._answer(self._get)
 
     do_HEAD = do_GET  # noqa: N815  # http.server's names
 
     def do_POST(self) -> None:
-        """One question."""
+        """Predict a posted picture."""
         self._answer(self._post)
 
     def do_other(self) -> None:
-        """No method but these."""
+        """Refuse all other methods."""
         self._answer(self._refuse)
 
     do_PUT = do_DELETE = do_PATCH = do_OPTIONS = do_other  # noqa: N815
@@ -156,7 +157,7 @@ class Handler(BaseHTTPRequestHandler):
         return self.server.content[path]
 
     def _post(self) -> tuple[str, bytes]:
-        kept, self.close_connection = self.close_connection, True  # a body that was not read is no request
+        kept, self.close_connection = self.close_connection, True  # an unread body must not be parsed as a request
         length = self._length()
         try:
             with self.server.room.taken(length, ROOM_S):
@@ -178,7 +179,7 @@ class Handler(BaseHTTPRequestHandler):
         except SourceError as error:
             raise RequestError(next(status for kind, status in STATUS if isinstance(error, kind)), str(error)) from error
         except OSError as error:
-            raise RuntimeError("the model failed") from error  # a visitor who leaves raises it too, and is no failure
+            raise RuntimeError("the model failed") from error  # a client that leaves raises it too, and is not a failure
 
     def _target(self) -> SplitResult:
         try:
@@ -187,7 +188,7 @@ class Handler(BaseHTTPRequestHandler):
             raise RequestError(HTTPStatus.BAD_REQUEST, "expected a path such as /, got a broken address") from error
 
     def _question(self, query: str) -> tuple[str, str]:
-        """Task and hands."""
+        """Read task and hands from the query."""
         try:
             fields = parse_qs(query, max_num_fields=MAX_FIELDS)
         except ValueError as error:
@@ -200,7 +201,7 @@ class Handler(BaseHTTPRequestHandler):
         raise RequestError(HTTPStatus.METHOD_NOT_ALLOWED, f"expected GET or POST, got {self.command}")
 
     def _length(self) -> int:
-        """The length of the body as it is stated, which is not too long."""
+        """Read the stated length of the body, and check its limit."""
         stated = self.headers.get("Content-Length")
         if stated is None or not LENGTH.fullmatch(stated):
             status = HTTPStatus.LENGTH_REQUIRED if stated is None else HTTPStatus.BAD_REQUEST
@@ -208,14 +209,14 @@ class Handler(BaseHTTPRequestHandler):
             raise RequestError(status, f"Content-Length: expected the length of the body in bytes, got {got}")
         length = int(stated)
         if length > MAX_BODY_BYTES:
-            self._pass_over(length)
+            self._discard(length)
             most, got = MAX_BODY_BYTES >> 20, f"{length / 2**20:.1f}"
             said = f"expected an image file of at most {most} MiB, got {got} MiB; make it smaller"
             raise RequestError(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, said)
         return length
 
     def _body(self, length: int) -> bytes:
-        """The body of the request."""
+        """Read the body of the request."""
         self._incoming.ends = time.monotonic() + BODY_S
         try:
             data = self.rfile.read(length)
@@ -226,16 +227,14 @@ class Handler(BaseHTTPRequestHandler):
             raise RequestError(HTTPStatus.BAD_REQUEST, f"expected {length} bytes, got {len(data)}; send the file again")
         return data
 
-    def _pass_over(self, length: int) -> None:
-        """Read a body that is too long and forget it, so that the browser gets to read the answer; of huge and slow ones only a
-        part.
-        """
+    def _discard(self, length: int) -> None:
+        """Read and discard a body that is too long, so that a browser reads the answer; only a part of huge or slow bodies."""
         self._incoming.ends = time.monotonic() + HEAD_S
         left = min(length, 4 * MAX_BODY_BYTES)
         try:
             while left > 0 and (chunk := self.rfile.read(min(left, CHUNK_BYTES))):
                 left -= len(chunk)
-        except TimeoutError:  # what has come is enough
+        except TimeoutError:  # the part that was received is enough
             return
 
     def _answer(self, make: Callable[[], tuple[str, bytes]]) -> None:
@@ -254,7 +253,7 @@ class Handler(BaseHTTPRequestHandler):
         self._send(status, kind, body)
 
     def _check_origin(self) -> None:
-        """A page of another site may neither ask nor, by a name that points here, read."""
+        """Refuse requests of pages of other sites, also under a host name that resolves to this machine."""
         host, origin = self.headers.get("Host", ""), self.headers.get("Origin")
         try:
             name, site = urlsplit(f"//{host}").hostname or "", None if origin is None else urlsplit(origin).netloc
@@ -281,4 +280,4 @@ class Handler(BaseHTTPRequestHandler):
             self.wfile.write(body)
 
     def log_message(self, format: str, *args: Any) -> None:
-        """Requests are not logged."""
+        """Log nothing."""

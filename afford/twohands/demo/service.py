@@ -1,4 +1,4 @@
-"""A picture as bytes and a task in; what the page shows out, as one object for JSON."""
+"""Prediction service of the demo: image bytes and a task in, one JSON object for the page out."""
 
 from __future__ import annotations
 
@@ -20,31 +20,33 @@ from schemas.video import SIDES
 
 MAX_PIXELS = 24_000_000
 MAX_SIDE_PX = 960
-"""the page gets maps of at most this size, which is several times what a model sees"""
+"""largest side of the maps for the page, several times the input size of a model"""
 MAX_TASK = 200
 """characters"""
 
 
 class QuestionError(SourceError):
-    """The task or the hands cannot be asked."""
+    """The task or the hands of a request are not valid."""
 
 
 class PredictionService:
-    """A model that several visitors may ask; it answers one after another."""
+    """Model that serves one request at a time; safe to call from several threads."""
 
     def __init__(self, predictor: Predictor, model: ModelFolder) -> None:
         self._predictor, self._model, self._lock = predictor, model, threading.Lock()
 
     def about(self) -> dict[str, Any]:
-        """What the page says of the model."""
+        """Return the description of the model for the page."""
         config = self._predictor.model.config
         words = self._model.words
         return {"name": self._model.name, "digest": self._model.digest, "variant": config.variant, "threshold": config.threshold,
                 "hypotheses": config.hypotheses, "words": words and {"verbs": words.verbs, "things": words.things}}  # fmt: skip
 
     def __call__(self, data: bytes, task: str, hands: str) -> dict[str, Any]:
-        """The record of one answer (afford/twohands/prediction_files.py) and `maps`: per hand and hypothesis an 8-bit PNG of
-        probabilities, in base64. QuestionError for a bad task or hands, SourceError (TooLargeError) for what is no picture.
+        """Predict one picture; returns its record (`prediction_files.record`) with `maps`.
+
+        `maps` are 8-bit PNG files of probabilities in base64, for each hand and hypothesis. QuestionError for a bad task or hands,
+        SourceError (TooLargeError) for data that are not a picture.
         """
         words = " ".join(task.split())
         if not words or len(words) > MAX_TASK:

@@ -1,7 +1,8 @@
 """Backbones of the clip and vlm models: `transformers` models from a local folder, their architecture alone, or tiny ones.
 
 A folder of backbones holds `sam/` and `clip/` or `vlm/`, each as `save_pretrained` writes it, with a tokenizer.json in the
-latter. A saved two-hand model has the same layout without the weights, which are in its own model.safetensors.
+latter. A saved two-hand model has the same layout without their weights, which are in its own model.safetensors. SAM gets one image
+encoder, a mask decoder for each hand, and a taxonomy head on the mask tokens of the left hand (2HandedAfforder section 4).
 """
 
 from __future__ import annotations
@@ -21,14 +22,14 @@ from afford.models.tokens import HashedTokens, Tokens, read_tokens
 TOKENS = 4
 """mask tokens of SAM's decoder: one for a single mask, three for several"""
 TINY_DEPTHS = 3, 2
-"""layers of the encoder and of the decoders of a SAM from nothing"""
+"""layers of the encoder and of the decoders of the tiny SAM"""
 
 
 class HandDecoder(SamMaskDecoder):  # type: ignore[misc]  # transformers ships no types here
-    """SAM's mask decoder that shows its mask tokens as well."""
+    """Mask decoder of SAM that also returns its mask tokens."""
 
     def forward(self, image: Tensor, place: Tensor, prompt: Tensor, k: int) -> tuple[Tensor, Tensor, Tensor]:
-        """image (b, c, h, w) with the dense prompt added, place (b, c, h, w), prompt (b, n, c).
+        """Decode image (b, c, h, w) with the dense prompt added, at positions place (b, c, h, w), for prompt (b, n, c).
 
         Returns masks (b, k, 4 h, 4 w), scores (b, k), tokens (b, TOKENS, c). k = 1 takes the single-mask token.
         """
@@ -48,10 +49,10 @@ class HandDecoder(SamMaskDecoder):  # type: ignore[misc]  # transformers ships n
 
 
 class Regions(nn.Module):
-    """Image and prompt -> a region for each hand."""
+    """SAM with a mask decoder for each hand: image and prompt -> a region for each hand."""
 
     def __init__(self, sam: Any, decoders: int, hypotheses: int) -> None:
-        """`sam`: a SamModel; both decoders start from its own. ValueError when it has not SAM's four mask tokens."""
+        """Copy the parts of a SamModel; all decoders start from its decoder. ValueError unless it has SAM's four mask tokens."""
         super().__init__()
         config = sam.config.mask_decoder_config
         if config.num_multimask_outputs != TOKENS - 1 or not 1 <= hypotheses < TOKENS:
@@ -65,10 +66,11 @@ class Regions(nn.Module):
         self.taxonomy = SamFeedForward(width, width, 4, 3)
 
     def forward(self, image: Tensor, prompt: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """image (b, 3, s, s) normalised, prompt (b, n, c) sparse. Returns logits (b, 2, k, s / 4, s / 4), score logits (b, 2, k)
-        and taxonomy logits (b, 4).
+        """Predict regions from a normalised image (b, 3, s, s) and a sparse prompt (b, n, c).
+
+        Returns logits (b, 2, k, s / 4, s / 4), score logits (b, 2, k) and taxonomy logits (b, 4).
         """
-        with torch.set_grad_enabled(torch.is_grad_enabled() and self._encoder_learns()):
+        with torch.set_grad_enabled(torch.is_grad_enabled() and self._encoder_is_trained()):
             seen = self.image_encoder(image).last_hidden_state
         seen = seen + self.prompt_encoder.no_mask_embed.weight.view(1, -1, 1, 1)
         place = self._place(seen)
@@ -76,11 +78,11 @@ class Regions(nn.Module):
         masks, score = (torch.stack([one[i] for one in found], dim=1) for i in (0, 1))
         return masks.expand(-1, 2, -1, -1, -1), score.expand(-1, 2, -1), self.taxonomy(found[0][2].flatten(1))
 
-    def _encoder_learns(self) -> bool:
+    def _encoder_is_trained(self) -> bool:
         return any(parameter.requires_grad for parameter in self.image_encoder.parameters())
 
     def _place(self, seen: Tensor) -> Tensor:
-        """SAM's own positions of the image embedding, (b, c, h, w)."""
+        """Positions (b, c, h, w) of the image embedding, as SAM encodes them."""
         size = seen.shape[-1]
         centre = (torch.arange(size, device=seen.device) + 0.5) / size
         y, x = torch.meshgrid(centre, centre, indexing="ij")
@@ -89,14 +91,14 @@ class Regions(nn.Module):
 
 
 def check_size(size_px: tuple[int, int], config: Any) -> None:
-    """ValueError unless the letter-box is what SAM's encoder takes."""
+    """Raise ValueError unless the letter-box has the input size of SAM's encoder."""
     size = config.vision_config.image_size
     if size_px != (size, size):
         raise ValueError(f"ModelConfig.size_px: this SAM takes ({size}, {size}), got {size_px}")
 
 
 def tiny_sam(size_px: int, width: int, heads: int) -> SamConfig:
-    """A SAM that trains on a CPU: global attention everywhere, patches of 16 px."""
+    """Config of a SAM that trains on a CPU: global attention in all layers, patches of 16 px."""
     depth, decoder_depth = TINY_DEPTHS
     return SamConfig(
         vision_config={"hidden_size": width, "output_channels": width, "num_hidden_layers": depth, "num_attention_heads": heads,
@@ -112,9 +114,10 @@ TINY_VOCABULARY = 2048
 
 
 def backbone(kind: Any, folder: str, name: str, tiny: Callable[[], Any], *, pretrained: bool) -> Any:
-    """A model of a `transformers` class `kind`: with its weights from folder/name when `pretrained`, else its architecture with
-    random weights; of the config that `tiny()` gives when `folder` is ''. Weights become float32, whatever they were saved as.
-    ValueError says what could not be read.
+    """Build a model of a `transformers` class `kind`, in float32.
+
+    With `pretrained` the weights come from folder/name; otherwise only the architecture does, and weights are random. The config of
+    `tiny()` is used when `folder` is ''. ValueError names what cannot be read.
     """
     if not folder:
         return kind(tiny())
@@ -135,11 +138,11 @@ def backbone(kind: Any, folder: str, name: str, tiny: Callable[[], Any], *, pret
 
 
 def tokens_of(folder: str, name: str) -> Tokens:
-    """folder/name/tokenizer.json, or hashed words when `folder` is ''."""
+    """Read folder/name/tokenizer.json; hashed words when `folder` is ''."""
     return read_tokens(Path(folder) / name / "tokenizer.json") if folder else HashedTokens(TINY_VOCABULARY)
 
 
 def freeze(module: nn.Module) -> None:
-    """No parameter of it is trained."""
+    """Exclude all parameters of a module from training."""
     for parameter in module.parameters():
         parameter.requires_grad_(False)

@@ -1,4 +1,4 @@
-"""Which hands a prediction returns: the taxonomy head says, or the caller does (2HandedAfforder, test-time selection)."""
+"""Selection of the hands that a prediction returns, by the taxonomy head or by the caller (2HandedAfforder, section 4)."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ import numpy as np
 from schemas.affordance import TAKES
 
 HANDS = ("auto", "left", "right", "both")
-"""auto: by the taxonomy; left, right, both: forced. `both` is also the ablation without selection."""
+"""auto: by the taxonomy; left, right, both: forced. `both` is also the ablation without selection"""
 
 
 def select_hands(taxonomy: np.ndarray, hands: str = "auto") -> np.ndarray:
-    """(2,) bool (left, right) from taxonomy probabilities (4,): the likeliest class decides when `hands` is auto.
+    """Select hands from taxonomy probabilities (4,): (2,) bool (left, right), by the most probable class when `hands` is auto.
 
-    ValueError when `hands` is none of HANDS.
+    ValueError when `hands` is not in HANDS.
     """
     if hands not in HANDS:
         raise ValueError(f"hands: expected one of {', '.join(HANDS)}, got {hands!r}")
@@ -22,11 +22,6 @@ def select_hands(taxonomy: np.ndarray, hands: str = "auto") -> np.ndarray:
     return np.array([hands != "right", hands != "left"])
 
 
-def taking(taxonomy: np.ndarray) -> np.ndarray:
-    """(2,) float32: probability that the (left, right) hand takes part, from those of the four classes."""
+def hand_probabilities(taxonomy: np.ndarray) -> np.ndarray:
+    """Probability (2,) float32 that the (left, right) hand takes part, from the probabilities (4,) of the classes."""
     return np.asarray(taxonomy @ np.array(TAKES, np.float32), np.float32)
-
-
-def three_way(taxonomy: np.ndarray) -> np.ndarray:
-    """(..., 4) probabilities -> (..., 3): one hand, both on one object, both on different ones (docs/conventions.md)."""
-    return np.concatenate([taxonomy[..., :2].sum(-1, keepdims=True), taxonomy[..., 2:]], axis=-1)

@@ -1,4 +1,4 @@
-"""Everything that decides a model's shape, as plain data that goes into config.json."""
+"""Interface of the two-hand models: configuration, batch, training target, output, and the base class of the variants."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from afford.common.registry import load
 
 @dataclass(frozen=True)
 class ModelConfig:
-    """One model. Every field is a string, a number, a bool or a tuple of numbers."""
+    """Architecture of a model, stored as config.json. Every field is a string, a number, a bool or a tuple of numbers."""
 
     variant: str = "small"
     """small (trained from nothing on a CPU) | clip (2HAff-CLIP) | vlm (2HandedAfforder)"""
@@ -25,36 +25,36 @@ class ModelConfig:
     size_px: tuple[int, int] = (128, 160)
     """height and width of the letter-boxed input; square for clip and vlm"""
     widths: tuple[int, int, int] = (32, 64, 128)
-    """channels at stride 4, 8 and 16 (small); the last one is the width of the decoder and of the words"""
+    """channels at stride 4, 8 and 16 (small); the last one is also the width of the decoder and of word vectors"""
     convolutions: int = 4
-    """convolutions at stride 16, each tuned by the words (small)"""
+    """convolutions at stride 16, each modulated by the words (small)"""
     depth: int = 1
     """transformer blocks over the image at stride 16 (small)"""
     decoder_depth: int = 1
     """two-way blocks of the mask decoder (small)"""
     heads: int = 4
-    """attention heads everywhere in small"""
+    """attention heads of all layers (small)"""
     text: bool = True
     """False: the model does not read the task (ablation no_text)"""
     text_buckets: int = 4096
-    """rows of the table that pieces of words are hashed into"""
+    """rows of the table of hashed subwords"""
     text_words: int = 16
-    """words read of a task; the rest is cut off"""
+    """longest task in words; further words are cut off"""
     decoders: int = 2
-    """1: one region for whichever hand, as LISA has it; both sides of the output are then the same"""
+    """1: one region for either hand, as in LISA; both sides of the output are then equal"""
     dropout: float = 0.0
-    """inside the transformers of small; LoRA's own dropout is `lora_dropout`"""
+    """dropout of the transformers of small; that of LoRA is `lora_dropout`"""
     backbones: str = ""
     """clip, vlm: folder with `clip/` or `vlm/` and `sam/`, each as `transformers` saves it; '' builds tiny random ones"""
     frozen: bool = True
-    """clip: the backbones' weights stay as they were loaded; False trains them too (from nothing, they must)"""
+    """clip: do not train the backbones; set False where they start from random weights"""
     lora_rank: int = 8
     lora_alpha: int = 16
     lora_dropout: float = 0.05
     seg_state: str = "paper"
-    """vlm: paper = the hidden state of [SEG] itself; code = the state before it, as the released code reads it"""
+    """vlm: paper = the hidden state of [SEG] itself; code = the state before it, as in the released code"""
     threshold: float = 0.5
-    """probability above which a pixel belongs to a region; training chooses it on validation"""
+    """probability above which a pixel belongs to a region; chosen on the validation split"""
 
     def __post_init__(self) -> None:
         if self.variant not in VARIANTS:
@@ -65,12 +65,12 @@ class ModelConfig:
             raise ValueError(f"ModelConfig.size_px: expected multiples of 16, got {self.size_px}")
 
     def to_json(self) -> str:
-        """The fields as indented JSON."""
+        """Return the fields as indented JSON."""
         return json.dumps(dataclasses.asdict(self), indent=2, sort_keys=True)
 
     @classmethod
     def from_dict(cls, fields: dict[str, Any]) -> ModelConfig:
-        """The config that `asdict` or JSON describes; ValueError names unknown fields. Missing fields keep their default."""
+        """Build a config from fields of JSON; missing fields keep their defaults. ValueError names unknown fields."""
         unknown = fields.keys() - {field.name for field in dataclasses.fields(cls)}
         if unknown:
             raise ValueError(f"ModelConfig has no field {', '.join(sorted(unknown))}")
@@ -79,7 +79,7 @@ class ModelConfig:
 
 
 class Batch(NamedTuple):
-    """b images and their tasks."""
+    """Input of a model: b images and their tasks."""
 
     image: Tensor
     """(b, 3, H, W) float32, RGB 0..1, letter-boxed to config.size_px"""
@@ -88,49 +88,49 @@ class Batch(NamedTuple):
 
 
 class Target(NamedTuple):
-    """What people did."""
+    """Training target of b images: the regions that people touched."""
 
     masks: Tensor
     """(b, 2, H, W) float32, 0 or 1: region of the (left, right) hand, letter-boxed like the image"""
     active: Tensor
-    """(b, 2) bool: whether that hand takes part"""
+    """(b, 2) bool: hands that take part"""
     taxonomy: Tensor
     """(b,) int64: 0 left, 1 right, 2 both on one object, 3 both on different objects"""
     objects: Tensor | None = None
     """(b, 2, H, W) float32, 0 or 1: the complete object of each hand, where it is known"""
     centre: Tensor | None = None
-    """(b, 2) float32: centre of the things in the whole picture, of which `image` may be a crop; x to the right and y down, -1..1;
+    """(b, 2) float32: centre of the objects in the whole picture, of which `image` may be a crop; x to the right and y down, -1..1;
     NaN where it is not known"""
 
 
 class Output(NamedTuple):
-    """What the model says; h, w are the input's size over a stride of 2 or 4."""
+    """Output of a model; h, w are the size of the input over a stride of 2 or 4."""
 
     logits: Tensor
-    """(b, 2, k, h, w): positive inside the region of the (left, right) hand, hypothesis by hypothesis"""
+    """(b, 2, k, h, w): positive inside the region of the (left, right) hand, for each hypothesis"""
     score: Tensor
-    """(b, 2, k) logits: softmax over k says which hypothesis it is"""
+    """(b, 2, k) logits: softmax over k gives the probability of each hypothesis"""
     taxonomy: Tensor
     """(b, 4) logits"""
     text_loss: Tensor | None = None
-    """scalar cross-entropy of the answer's words; None for models that do not write"""
+    """scalar cross-entropy of the answer's tokens; None for models without a language model"""
     objects: Tensor | None = None
-    """(b, 2, h, w) logits of the complete object of each hand; None for models that do not tell it"""
+    """(b, 2, h, w) logits of the complete object of each hand; None for models without this output"""
     centre: Tensor | None = None
-    """(b, 2): centre of the things in the whole picture, as in `Target.centre`; None for models that do not tell it"""
+    """(b, 2): centre of the objects in the whole picture, as in `Target.centre`; None for models without this output"""
 
 
 class TwoHands(nn.Module, ABC):
-    """An image and a task in, a region for each hand out. Parameters that are frozen have `requires_grad` off."""
+    """Base class: predicts a region for each hand from an image and a task. Frozen parameters have `requires_grad` off."""
 
     config: ModelConfig
 
     @abstractmethod
     def forward(self, batch: Batch) -> Output:
-        """Regions, scores and taxonomy of b images; in training mode `text_loss` too where the model writes an answer."""
+        """Predict regions, scores and taxonomy of b images; in training mode also `text_loss` where the model generates text."""
 
     def extra_files(self) -> dict[str, str]:
-        """Name -> text of what must lie beside the weights to build this model again, config.json apart."""
+        """Name -> text of the files besides config.json and the weights that are needed to build this model again."""
         return {}
 
 
@@ -139,14 +139,14 @@ VARIANTS = {
     "clip": "afford.twohands.model.clip:assemble",
     "vlm": "afford.twohands.model.vlm:assemble",
 }
-"""name -> function that assembles the parts; the parts never import each other"""
+"""name -> function that assembles the model"""
 
 
 def build(config: ModelConfig, seed: int, *, pretrained: bool = True) -> TwoHands:
-    """A new model whose random weights come from `seed` alone; the caller's random state is left as it was.
+    """Build a model whose random weights depend on `seed` alone; the caller's random state is restored.
 
-    `pretrained=False` takes only the architecture of config.backbones. Under `torch.device("meta")` a model has shapes and no
-    weights. ValueError when config.backbones cannot be read.
+    With `pretrained=False` only the architecture of config.backbones is used. Under `torch.device("meta")` a model has shapes, but
+    no weights. ValueError when config.backbones cannot be read.
     """
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)

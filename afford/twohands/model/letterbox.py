@@ -1,5 +1,6 @@
-"""Image to model size and back: the whole image, its aspect kept, in the upper left corner; the rest has the mean colour.
-Training and prediction both go through here.
+"""Letter-box: the whole image at model size, in the upper left corner, with its aspect ratio; the rest has the mean colour.
+
+Training and prediction both use it.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ FILL = (124, 116, 104)
 
 
 def content_size(height: int, width: int, size_px: tuple[int, int]) -> tuple[int, int]:
-    """Height and width that an image of (height, width) takes inside the box, each at least 1 px."""
+    """Height and width of an image of (height, width) inside the box, each at least 1 px."""
     scale = min(size_px[0] / height, size_px[1] / width)
     return max(1, round(height * scale)), max(1, round(width * scale))
 
@@ -45,8 +46,8 @@ def unletterbox(logits: Tensor, height: int, width: int, size_px: tuple[int, int
     return interpolate(content, (height, width), mode="bilinear", align_corners=False)[0]
 
 
-def stack(images: list[np.ndarray]) -> Tensor:
-    """b boxes (H, W, 3) uint8 -> (b, 3, H, W) float32 0..1, what `Batch.image` wants."""
+def to_tensor(images: list[np.ndarray]) -> Tensor:
+    """b boxes (H, W, 3) uint8 -> (b, 3, H, W) float32 0..1, as in `Batch.image`."""
     return torch.from_numpy(np.stack(images)).permute(0, 3, 1, 2).float() / 255
 
 

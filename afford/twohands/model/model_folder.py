@@ -1,6 +1,6 @@
-"""A model as a folder: config.json, model.safetensors and, for models with backbones, their architectures and tokenizer.
+"""Folder of a trained model: config.json, model.safetensors, words.json and, with backbones, their architectures and tokenizer.
 
-Nothing is ever unpickled, and nothing is loaded that does not fit: every missing, extra or misshaped tensor is named.
+No pickle is read. A file with missing, extra or misshaped tensors is refused, and the tensors are named.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from afford.twohands.model.interface import ModelConfig, TwoHands, build
 
 CONFIG, WEIGHTS, FORMAT = "config.json", "model.safetensors", "afford-twohands-1"
 INSIDE = "model"
-"""where a training keeps the model, beside its card and curves"""
+"""folder of the model inside a published training"""
 
 
 def save_model(model: TwoHands, folder: Path) -> None:
-    """Write a model; the same weights give the same bytes, wherever its backbones came from."""
+    """Write a model; equal weights give equal bytes, whatever folder its backbones came from."""
     folder.mkdir(parents=True, exist_ok=True)
     own = dataclasses.replace(model.config, backbones="")
     described = {"format": FORMAT, **dataclasses.asdict(own)}
@@ -38,17 +38,17 @@ def save_model(model: TwoHands, folder: Path) -> None:
     save_file({name: tensor.detach().cpu().contiguous() for name, tensor in model.state_dict().items()}, folder / WEIGHTS)
 
 
-def files_folder(folder: Path) -> Path:
-    """Where the files of a model are: the folder itself, or `model/` in what a training published."""
+def locate_files(folder: Path) -> Path:
+    """Folder of the files of a model: `folder` itself, or `model/` in it for a published training."""
     return folder if (folder / CONFIG).is_file() or not (folder / INSIDE / CONFIG).is_file() else folder / INSIDE
 
 
 def load_model(folder: Path) -> TwoHands:
-    """The model that `save` wrote, or that a training published, on the CPU, in evaluation mode.
+    """Load a model from a folder of `save_model` or of a published training, on the CPU, in evaluation mode.
 
-    ValueError says which file, field or tensor does not fit.
+    ValueError names the file, field or tensor that does not fit.
     """
-    folder = files_folder(folder)
+    folder = locate_files(folder)
     config = read_config(folder)
     try:
         weights = load_file(folder / WEIGHTS)
@@ -60,14 +60,14 @@ def load_model(folder: Path) -> TwoHands:
 
 
 def read_config(folder: Path) -> ModelConfig:
-    """The config of a saved model, with `backbones` pointing at the architectures beside it."""
+    """Read the config of a saved model; its `backbones` is the folder itself, which holds their architectures."""
     path = folder / CONFIG
     try:
         fields = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as error:
         raise ValueError(f"{path}: expected the config of a trained two-hand model; {error}") from error
     if not isinstance(fields, dict) or fields.pop("format", None) != FORMAT:
-        raise ValueError(f"{path}: expected \"format\": \"{FORMAT}\"; write the folder with files.save")
+        raise ValueError(f"{path}: expected \"format\": \"{FORMAT}\"; write the folder with save_model")
     try:
         config = ModelConfig.from_dict(fields)
     except (ValueError, TypeError) as error:
@@ -78,28 +78,28 @@ def read_config(folder: Path) -> ModelConfig:
 VOCABULARY_FILE, VOCABULARY_FORMAT = "words.json", "afford-words-1"
 FILLERS = frozenset(("a", "an", "and", "at", "by", "for", "from", "in", "into", "it", "my", "of", "off", "on", "onto", "out",
                      "over", "the", "this", "that", "to", "up", "with", "your"))  # fmt: skip
-"""words that name neither a thing nor an action: no warning is needed"""
+"""words that name neither an object nor an action, so that they are never reported as unknown"""
 
 
 @dataclass(frozen=True)
 class Vocabulary:
-    """Each sorted, without doubles."""
+    """Words of the tasks that a model was trained on; each tuple is sorted, without duplicates."""
 
     verbs: tuple[str, ...]
     things: tuple[str, ...]
     words: tuple[str, ...]
-    """of all tasks, in lower case"""
+    """all words of the tasks, in lower case"""
 
     def unknown(self, task: str) -> list[str]:
-        """Words of a task that are not among them, fillers left out, in their order."""
+        """Words of a task that the vocabulary does not contain, without fillers, in the order of the task."""
         known = FILLERS.union(self.words)
         return [word for word in dict.fromkeys(split_words(task)) if word not in known]
 
 
 def vocabulary_of(samples: Iterable[tuple[str, str, str]]) -> Vocabulary:
-    """The vocabulary of samples: task, verb and thing, '' for none. Each task counts as it is and as it is called in a mirror."""
+    """Vocabulary of samples (task, verb, object), '' where one is not known; mirrored tasks are included."""
     tasks, verbs, things = (sorted(set(column) - {""}) for column in zip(*samples, strict=True))
-    words = {word for task in tasks for said in (task, swap_sides(task)) for word in split_words(said)}
+    words = {word for task in tasks for text in (task, swap_sides(task)) for word in split_words(text)}
     return Vocabulary(tuple(verbs), tuple(things), tuple(sorted(words)))
 
 
@@ -110,7 +110,7 @@ def write_vocabulary(known: Vocabulary, folder: Path) -> None:
 
 
 def read_vocabulary(folder: Path) -> Vocabulary | None:
-    """The vocabulary of the model in a folder, None where its training left none. ValueError for a file of another form."""
+    """Read the vocabulary of the model in a folder; None without words.json. ValueError for a file of another format."""
     path = folder / VOCABULARY_FILE
     if not path.exists():
         return None
@@ -127,20 +127,20 @@ def read_vocabulary(folder: Path) -> Vocabulary | None:
 
 @dataclass(frozen=True)
 class ModelFolder:
-    """A model on disk."""
+    """A model on disk, with its name and digest."""
 
     folder: Path
-    """holds config.json and model.safetensors"""
+    """folder with config.json and model.safetensors"""
     name: str
     digest: str
     """blake3 of the config and the weights"""
     words: Vocabulary | None = None
-    """what its training contained, where it says so"""
+    """vocabulary of its training, if the folder has one"""
 
 
 def find_model(folder: Path) -> ModelFolder:
-    """The model in a folder. SourceError when there is none, ValueError when its words cannot be read."""
-    place = files_folder(folder)
+    """Find the model in a folder. SourceError when there is no model, ValueError when its words.json cannot be read."""
+    place = locate_files(folder)
     for name in (CONFIG, WEIGHTS):
         if not (place / name).is_file():
             raise SourceError(str(folder), f"a trained model ({CONFIG} and {WEIGHTS})", f"no {name}", "run `make train` first")
@@ -149,20 +149,20 @@ def find_model(folder: Path) -> ModelFolder:
 
 
 def unknown_words(model: ModelFolder, task: str) -> list[str] | None:
-    """Words of a task that the training of a model did not contain; None where the model does not say what it contained."""
+    """Words of a task that the training of a model did not contain; None for a model without a vocabulary."""
     return None if model.words is None else model.words.unknown(task)
 
 
 def latest_model(models: Path, form: str = FORMAT) -> Path | None:
-    """The folder below `models` (models/ of a store) with a model of this format that was published last, None for none."""
+    """Folder of the model of this format that was published last below `models`; None when there is no such model."""
     found = [path for path in models.glob("[!.]*") if (path / INSIDE / CONFIG).is_file() and format_of(path) == form]
     return max(found, key=lambda path: (path.stat().st_mtime_ns, path.name), default=None)
 
 
 def format_of(folder: Path) -> str | None:
-    """The format that the config of the model in a folder names; None when there is no such config, or it names none."""
+    """Format that the config of the model in a folder names; None without a config or a format."""
     try:
-        fields = json.loads((files_folder(folder) / CONFIG).read_text(encoding="utf-8"))
+        fields = json.loads((locate_files(folder) / CONFIG).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
     return fields.get("format") if isinstance(fields, dict) else None

@@ -1,8 +1,8 @@
-"""Weights with the names of the released 2HAff and LISA checkpoints, into our `vlm` model.
+"""Load the weights of released 2HAff and LISA checkpoints into a `vlm` model.
 
-Read are safetensors and PyTorch files, whole or in shards with an index; of the latter, tensors only. What the released format
-leaves out stays as the model has it, and is reported: low-rank updates (merged before release), the image tower (always CLIP's
-own) and, for LISA with its one decoder and no taxonomy, the taxonomy head. Everything else must fit tensor by tensor.
+The files are safetensors or PyTorch files, whole or in shards with an index; of the latter, only tensors are read. Tensors that the
+released format leaves out keep their values and are reported: low-rank updates (merged before release), the image tower (always
+CLIP's own) and, for LISA, which has one decoder and no taxonomy, the taxonomy head. All other tensors must fit.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from schemas.video import SIDES
 INDEXES = ("model.safetensors.index.json", "pytorch_model.bin.index.json")
 WHOLE = ("model.safetensors", "pytorch_model.bin")
 IGNORED = re.compile(r"rotary_emb\.inv_freq$|position_ids$|pixel_(mean|std)$")
-"""buffers that older versions saved and that are computed"""
+"""computed buffers that older versions saved"""
 MAY_STAY = re.compile(r"\.lora_[AB]\.|^vlm\.model\.vision_tower\.|^regions\.taxonomy\.")
-"""our tensors that a released checkpoint need not have"""
+"""tensors of the model that a released checkpoint may lack"""
 GROWS = ("vlm.model.language_model.embed_tokens.weight", "vlm.lm_head.weight")
-"""released vocabularies have no row for <image>, which is never read; ours has it last"""
+"""released vocabularies have no row for <image>, which is not used; the model has this row last"""
 
 RENAMED = (
     (r"^base_model\.model\.", ""),
@@ -57,7 +57,7 @@ RENAMED = (
     (r"^sam\.prompt_encoder\.mask_downscaling\.4\.", "regions.prompt_encoder.mask_embed.layer_norm2."),
     (r"^sam\.prompt_encoder\.mask_downscaling\.6\.", "regions.prompt_encoder.mask_embed.conv3."),
     (r"^sam\.prompt_encoder\.", "regions.prompt_encoder."),
-    # decoders; the reference does not say what the taxonomy head is called, so any name that speaks of it is taken
+    # decoders; the name of the taxonomy head is not documented, so any name with taxonomy or class is accepted
     (r"^sam\.mask_decoder_left\.\w*(taxonomy|class)\w*\.", "regions.taxonomy."),
     (r"^sam\.mask_decoder_left\.", "regions.decoders.0."),
     (r"^sam\.mask_decoder_right\.", "regions.decoders.1."),
@@ -74,9 +74,9 @@ RENAMED = (
 
 
 def load_published(model: TwoHands, path: Path) -> list[str]:
-    """Fill a `vlm` model from a released checkpoint; the names of our tensors that it does not have, in order.
+    """Fill a `vlm` model from a released checkpoint; returns the names of the model's tensors that the checkpoint lacks, in order.
 
-    ValueError names every tensor that is missing, extra or of another shape.
+    ValueError names tensors that are missing, extra or of another shape.
     """
     if model.config.variant != "vlm":
         raise ValueError(f"released checkpoints fit the variant vlm, got {model.config.variant}")
@@ -91,7 +91,7 @@ def load_published(model: TwoHands, path: Path) -> list[str]:
 
 
 def our_names(name: str, decoders: int = 2) -> list[str]:
-    """What a released tensor is called here: nothing for a computed buffer, both decoders for LISA's single one."""
+    """Names of a released tensor in the model: none for a computed buffer, both decoders for the single one of LISA."""
     if IGNORED.search(name):
         return []
     if ".mask_decoder." in name:
@@ -105,7 +105,7 @@ def our_names(name: str, decoders: int = 2) -> list[str]:
 
 
 def read_weights(path: Path) -> dict[str, Tensor]:
-    """Name -> tensor of a file, or of a folder with one file or with shards and their index. ValueError when there is none."""
+    """Read tensors by name from a file, or from a folder with one file or with shards. ValueError without a file."""
     if path.is_file():
         return _read_file(path)
     for name in INDEXES:

@@ -1,4 +1,9 @@
-"""The embedded default: about two million parameters, trained from nothing on a CPU."""
+"""The embedded default: about two million parameters, trained from random weights on a CPU.
+
+Words modulate a convolutional encoder, whose tokens pass through a transformer together with the words. A two-way mask decoder
+(Segment Anything, Kirillov et al. 2023) then predicts the regions of both hands together, so that a pair of regions is one
+hypothesis. Most layers are convolutions, because they make better use of a CPU.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +29,7 @@ class Attention(nn.Module):
         self.out = nn.Linear(width, width)
 
     def forward(self, query: Tensor, key: Tensor, value: Tensor, keep: Tensor | None = None) -> Tensor:
-        """query (b, n, c), key and value (b, m, c), keep (b, m) bool: which keys may be looked at. Returns (b, n, c)."""
+        """Attend from query (b, n, c) to key and value (b, m, c); `keep` (b, m) bool masks keys. Returns (b, n, c)."""
         q, k, v = self._split(self.query(query)), self._split(self.key(key)), self._split(self.value(value))
         mask = None if keep is None else keep[:, None, None, :]
         return self.out(scaled_dot_product_attention(q, k, v, attn_mask=mask).transpose(1, 2).flatten(2))
@@ -43,14 +48,14 @@ class Block(nn.Module):
         self.dropout = nn.Dropout(dropout)
 
     def forward(self, x: Tensor, keep: Tensor | None = None) -> Tensor:
-        """(b, n, c) -> (b, n, c); `keep` (b, n) bool says which tokens are real."""
+        """(b, n, c) -> (b, n, c); `keep` (b, n) bool is False for padding tokens."""
         y = self.norm1(x)
         x = x + self.dropout(self.attention(y, y, y, keep))
         return x + self.dropout(self.mlp(self.norm2(x)))
 
 
 def mlp(*widths: int) -> nn.Sequential:
-    """Linear layers of these widths with GELU between them."""
+    """Multi-layer perceptron: linear layers of these widths with GELU between them."""
     layers: list[nn.Module] = []
     for before, after in itertools.pairwise(widths):
         layers += [nn.Linear(before, after), nn.GELU()]
@@ -58,7 +63,7 @@ def mlp(*widths: int) -> nn.Sequential:
 
 
 def sines(height: int, width: int, channels: int, step: float = 1.0) -> Tensor:
-    """(height * width, channels) fixed positions: sines and cosines of y and x, `step` apart, at geometric wavelengths."""
+    """Sinusoidal positions (height * width, channels) of y and x, `step` apart, at geometric wavelengths."""
     frequency = 1000.0 ** (-torch.arange(channels // 4) / (channels // 4))
     y, x = torch.meshgrid(torch.arange(height) + 0.5, torch.arange(width) + 0.5, indexing="ij")
     angles = [step * axis.flatten()[:, None] * frequency for axis in (y, x)]
@@ -66,7 +71,7 @@ def sines(height: int, width: int, channels: int, step: float = 1.0) -> Tensor:
 
 
 class Features(NamedTuple):
-    """What the encoder hands to the decoder."""
+    """Output of the encoder."""
 
     stride4: Tensor
     """(b, c4, H/4, W/4)"""
@@ -75,11 +80,11 @@ class Features(NamedTuple):
     tokens: Tensor
     """(b, H/16 * W/16, c16): stride 16, row by row"""
     words: Tensor
-    """(b, n, c16), each having seen the image; n may be 0"""
+    """(b, n, c16) words after attention to the image; n may be 0"""
 
 
 class Encoder(nn.Module):
-    """Image and words -> features at three strides."""
+    """Image encoder: image and words -> features at strides 4, 8 and 16."""
 
     def __init__(self, size_px: tuple[int, int], widths: tuple[int, int, int], convolutions: int, depth: int, heads: int,
                  dropout: float) -> None:
@@ -99,7 +104,7 @@ class Encoder(nn.Module):
         self.register_buffer("at", self._sines(*size_px), persistent=False)
 
     def forward(self, image: Tensor, words: Tensor, keep: Tensor) -> Features:
-        """image (b, 3, H, W) normalised, words (b, n, c16), keep (b, n) bool."""
+        """Encode a normalised image (b, 3, H, W) with words (b, n, c16); `keep` (b, n) bool is False for padding words."""
         text = (words * keep[..., None]).sum(1) / keep.sum(1, keepdim=True).clamp(min=1)
         stride4 = self.stage4(self.stem(image.contiguous(memory_format=channels_last)))
         stride8 = self.more8(self.tune8(self.stage8(stride4), text))
@@ -115,8 +120,9 @@ class Encoder(nn.Module):
         return Features(stride4, stride8, x[:, :count], x[:, count:])
 
     def place(self, image: Tensor) -> Tensor:
-        """(H/16 * W/16, c16): where the tokens of an image (b, 3, H, W) are, measured in tokens of an image of `size_px`, so that
-        the same picture at half the size has the same places.
+        """Positions (H/16 * W/16, c16) of the tokens of an image (b, 3, H, W).
+
+        They are measured in tokens of an image of `size_px`, so that the same picture at half the size has the same positions.
         """
         height, width = image.shape[-2:]
         return self.at if (height, width) == self.size_px else self._sines(height, width).to(image.device)
@@ -126,26 +132,27 @@ class Encoder(nn.Module):
 
 
 class Tune(nn.Module):
-    """Scales and shifts channels as the words say (FiLM, Perez et al. 2018)."""
+    """Feature-wise linear modulation of channels by the words (FiLM, Perez et al. 2018)."""
 
     def __init__(self, words: int, width: int) -> None:
         super().__init__()
         self.weigh = nn.Sequential(nn.Linear(words, words), nn.ReLU(), nn.Linear(words, 2 * width))
 
     def forward(self, x: Tensor, text: Tensor) -> Tensor:
-        """x (b, width, h, w), text (b, words)."""
+        """Scale and shift the channels of x (b, width, h, w) by text (b, words)."""
         scale, shift = self.weigh(text)[..., None, None].chunk(2, dim=1)
         return x * (1 + scale) + shift
 
 
 class Residual(nn.Module):
-    """One 3 x 3 convolution beside the identity."""
+    """Residual 3 x 3 convolution."""
 
     def __init__(self, width: int) -> None:
         super().__init__()
         self.body = _conv(width, width)
 
     def forward(self, x: Tensor) -> Tensor:
+        """(b, width, h, w) -> (b, width, h, w)."""
         return x + self.body(x)
 
 
@@ -154,7 +161,7 @@ def _conv(before: int, after: int, stride: int = 1) -> nn.Sequential:
 
 
 class TwoWayBlock(nn.Module):
-    """Self-attention of tokens, tokens to image, perceptron, image to tokens."""
+    """Two-way block: self-attention of tokens, tokens to image, perceptron, image to tokens."""
 
     def __init__(self, width: int, heads: int) -> None:
         super().__init__()
@@ -163,7 +170,7 @@ class TwoWayBlock(nn.Module):
         self.norms = nn.ModuleList(nn.LayerNorm(width) for _ in range(4))
 
     def forward(self, tokens: Tensor, keep: Tensor, image: Tensor, place: Tensor) -> tuple[Tensor, Tensor]:
-        """tokens (b, n, c), keep (b, n) bool, image (b, p, c), place (p, c)."""
+        """Update tokens (b, n, c) with mask `keep` (b, n) bool, and image (b, p, c) at positions `place` (p, c)."""
         tokens = self.norms[0](tokens + self.among(tokens, tokens, tokens, keep))
         tokens = self.norms[1](tokens + self.to_image(tokens, image + place, image))
         tokens = self.norms[2](tokens + self.mlp(tokens))
@@ -172,9 +179,10 @@ class TwoWayBlock(nn.Module):
 
 
 class Decoder(nn.Module):
-    """Features and words -> one mask for each hand and hypothesis, one for the complete object of each hand, and where in the whole
-    picture the objects are. Which hand acts is a matter of where things are and how they stand: so what is seen of the objects
-    themselves goes into the first token of each hand, of which taxonomy and scores are told.
+    """Mask decoder: a mask for each hand and hypothesis, the complete object of each hand, and the position of the objects.
+
+    The position and pose of the objects decide which hand acts. So the features of the predicted objects are added to the first
+    token of each hand, from which the taxonomy and the scores are predicted.
     """
 
     def __init__(self, widths: tuple[int, int, int], heads: int, depth: int, hands: int, hypotheses: int) -> None:
@@ -193,7 +201,7 @@ class Decoder(nn.Module):
         self.seen, self.centre = mlp(2 * c16, c16, c16), mlp(c16, c16, 2)
 
     def forward(self, features: tuple[Tensor, Tensor, Tensor, Tensor], keep: Tensor, place: Tensor) -> tuple[Tensor, ...]:
-        """features: stride 4, stride 8, stride-16 tokens, words; keep (b, n) bool of the words; place (p, c16).
+        """Decode features (stride 4, stride 8, stride-16 tokens, words); keep (b, n) bool of the words; place (p, c16).
 
         Returns mask logits (b, hands, k, H/4, W/4), score logits (b, hands, k), tokens (b, hands, 1 + k, c16), logits of the
         complete objects (b, hands, H/4, W/4), and their common centre (b, 2) in the whole picture (`Output.centre`).
@@ -214,13 +222,13 @@ class Decoder(nn.Module):
         return drawn[:, :, :-1], score, torch.cat([first, own[:, :, 1:]], dim=2), drawn[:, :, -1], self.centre(seen)
 
     def _seen(self, objects: Tensor, image: Tensor, place: Tensor) -> Tensor:
-        """(b, c16): what the image tokens say, and where they are, on average over the objects; no gradient goes to their masks."""
+        """Mean (b, c16) of image tokens and positions over the objects; no gradient flows to the masks of the objects."""
         found = avg_pool2d(objects.detach().sigmoid().amax(1, keepdim=True), 4).flatten(1)
         share = found / found.sum(1, keepdim=True).clamp(min=1e-3)
         return self.seen(torch.cat([torch.einsum("bp,bpc->bc", share, image), share @ place], dim=1))
 
     def _fine(self, stride4: Tensor, stride8: Tensor, image: Tensor) -> Tensor:
-        """(b, c4, H/4, W/4): what the image tokens know, made sharp by the encoder's own fine features."""
+        """Image tokens upsampled to (b, c4, H/4, W/4), with skip connections from the encoder."""
         height, width = stride8.shape[-2] // 2, stride8.shape[-1] // 2
         x = image.transpose(1, 2).unflatten(2, (height, width))
         x = torch.relu(self.norm8(_twice(self.down8(x)) + self.skip8(stride8)))
@@ -229,9 +237,9 @@ class Decoder(nn.Module):
 
 
 def weighed(weight: Tensor, fine: Tensor) -> Tensor:
-    """Hypernetwork weights (b, s, k, c + 1), the last of them a bias, times features (b, c, h, w): logits (b, s, k, h, w).
+    """Multiply hypernetwork weights (b, s, k, c + 1), the last one a bias, with features (b, c, h, w): logits (b, s, k, h, w).
 
-    Pixel by pixel, the order in which the features lie in memory (channels last), so that gradients keep it.
+    The product is computed with channels last, which is the memory order of the features, so that gradients keep this order.
     """
     pixels = fine.permute(0, 2, 3, 1).flatten(1, 2)
     flat = weight.flatten(1, 2)
@@ -244,7 +252,7 @@ def _twice(x: Tensor) -> Tensor:
 
 
 class Small(TwoHands):
-    """Words, encoder, decoder and the taxonomy head on the left hand's tokens."""
+    """Word vectors, encoder, decoder, and the taxonomy head on the tokens of the left hand."""
 
     def __init__(self, config: ModelConfig, words: WordVectors | None, encoder: Encoder, decoder: Decoder,
                  taxonomy: nn.Module) -> None:
@@ -253,6 +261,7 @@ class Small(TwoHands):
         self.words, self.encoder, self.decoder, self.taxonomy = words, encoder, decoder, taxonomy
 
     def forward(self, batch: Batch) -> Output:
+        """Predict the regions of a batch; see `TwoHands`."""
         words, keep = self._read(batch)
         features = self.encoder(normalised(batch.image), words, keep)
         logits, score, tokens, objects, centre = self.decoder(features, keep, self.encoder.place(batch.image))
@@ -261,7 +270,7 @@ class Small(TwoHands):
                       objects.expand(both[:4]), centre)
 
     def _read(self, batch: Batch) -> tuple[Tensor, Tensor]:
-        """Word vectors and which of them are real; no words at all for a model that does not read."""
+        """Word vectors and their mask; no words for a model without text."""
         if self.words is not None:
             vectors, keep = self.words(batch.task)
             return vectors, keep
@@ -270,7 +279,7 @@ class Small(TwoHands):
 
 
 def assemble(config: ModelConfig, _pretrained: bool) -> Small:
-    """A `Small` with weights drawn from torch's current random state; it has no backbones that could be pretrained."""
+    """Build a `Small` with weights from torch's current random state; it has no pretrained backbones."""
     width, hands = config.widths[2], config.decoders
     words = WordVectors(config.text_buckets, config.text_words, width) if config.text else None
     encoder = Encoder(config.size_px, config.widths, config.convolutions, config.depth, config.heads, config.dropout)

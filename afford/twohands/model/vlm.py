@@ -1,7 +1,7 @@
-"""2HandedAfforder: a vision-language model answers with [SEG]; its state there is the prompt of two SAM mask decoders.
+"""2HandedAfforder: a vision-language model answers with [SEG], whose hidden state prompts two SAM mask decoders.
 
-Trained are the low-rank updates (LoRA, Hu et al. 2022) of q_proj and v_proj, the embeddings and the output layer of the
-language model, the projection, both mask decoders and the taxonomy head. All else stays as loaded.
+Trained parts: the low-rank updates (LoRA, Hu et al. 2022) of q_proj and v_proj, the embeddings and the output layer of the language
+model, the projection, both mask decoders and the taxonomy head. All other weights stay as loaded.
 """
 
 from __future__ import annotations
@@ -35,40 +35,41 @@ ANSWERS = (
     "[SEG].",
 )
 INFERENCE = "Where would you interact with the object to perform action {task}"
-"""the question that is always asked outside training, in substance the published one"""
+"""question outside training, in substance the published one"""
 CONVERSATION = "USER: {image}\n{question} ASSISTANT:"
-"""what stands before the answer"""
+"""text before the answer"""
 FRAMED = "<im_start><image><im_end>"
-"""the image, for tokenizers that have the marks around it, as the released models do"""
+"""the image, for tokenizers with marks around it, such as those of the released models"""
 
 
 def question(task: str, template: str = INFERENCE, image: str = "<image>") -> str:
-    """The text before the answer, the image included."""
+    """Text before the answer, with the placeholder of the image."""
     return CONVERSATION.format(image=image, question=template.format(task=task))
 
 
 IGNORE = -100
-"""label of what is not to be predicted"""
+"""label of tokens that are not predicted"""
 
 
 class Dialogue(NamedTuple):
-    """b rows, padded on the right."""
+    """Token ids of b questions with answers, padded on the right."""
 
     ids: Tensor
     """(b, n) int64"""
     keep: Tensor
-    """(b, n) bool: what is not padding"""
+    """(b, n) bool: False in the padding"""
     labels: Tensor
     """(b, n) int64: the answer's own ids, IGNORE elsewhere"""
 
 
 def dialogue(tokens: Tokens, pairs: Sequence[tuple[str, str]], image_tokens: int, begin: int, end: int, pad: int) -> Dialogue:
-    """Ids of (question, answer) pairs. Every `<image>` becomes as many ids as the vision tower gives tokens, so that ids and
-    hidden states are in the same places, wherever the image stands.
+    """Tokenize (question, answer) pairs.
+
+    Every `<image>` becomes as many ids as the vision tower gives tokens, so that ids and hidden states have the same positions.
     """
     rows = []
-    for asked, answered in pairs:
-        before, answer = [begin] + _spread(tokens, asked, image_tokens), tokens.encode(" " + answered) + [end]
+    for prompt, answered in pairs:
+        before, answer = [begin] + _repeat_image(tokens, prompt, image_tokens), tokens.encode(" " + answered) + [end]
         rows.append((before + answer, [IGNORE] * len(before) + answer))
     longest = max(len(ids) for ids, _ in rows)
     ids = torch.tensor([ids + [pad] * (longest - len(ids)) for ids, _ in rows])
@@ -78,9 +79,9 @@ def dialogue(tokens: Tokens, pairs: Sequence[tuple[str, str]], image_tokens: int
 
 
 def seg_positions(ids: Tensor, seg: int, state: str = "paper") -> Tensor:
-    """(b,) where the state of [SEG] is: at the token itself (paper), or one before, where it is predicted (code).
+    """Position (b,) of the hidden state of [SEG] in ids (b, n): the token itself (paper), or the one before it (code).
 
-    ids (b, n); ValueError when a row has not exactly one [SEG].
+    ValueError when a row does not have exactly one [SEG].
     """
     found = ids == seg
     counts = found.sum(1)
@@ -89,7 +90,7 @@ def seg_positions(ids: Tensor, seg: int, state: str = "paper") -> Tensor:
     return found.int().argmax(1) - int(state == "code")
 
 
-def _spread(tokens: Tokens, text: str, count: int) -> list[int]:
+def _repeat_image(tokens: Tokens, text: str, count: int) -> list[int]:
     image = tokens.id(IMAGE)
     return [one for token in tokens.encode(text) for one in ([token] * count if token == image else [token])]
 
@@ -99,7 +100,7 @@ TRAINED = re.compile(r"(^|\.)(lora_[AB]\.|lm_head\.|embed_tokens\.)")
 
 
 class Vlm(TwoHands):
-    """Vision-language model, projection and SAM's regions."""
+    """Vision-language model, projection and the two-hand decoders of SAM."""
 
     def __init__(self, config: ModelConfig, vlm: Any, tokens: Tokens, regions: Regions, sam_config: Any) -> None:
         super().__init__()
@@ -116,20 +117,24 @@ class Vlm(TwoHands):
             parameter.requires_grad_(bool(TRAINED.search(name)))
 
     def forward(self, batch: Batch) -> Output:
-        talk = self._talk(batch)
-        hidden = self._hidden(batch.image, talk)
-        where = seg_positions(talk.ids, self.tokens.id(SEG), self.config.seg_state)
+        """Predict the regions of a batch; see `TwoHands`."""
+        tokens = self._dialogue(batch)
+        hidden = self._hidden(batch.image, tokens)
+        where = seg_positions(tokens.ids, self.tokens.id(SEG), self.config.seg_state)
         prompt = self.project(hidden[torch.arange(len(hidden), device=hidden.device), where])[:, None]
-        loss = self._text_loss(hidden, talk.labels) if self.training else None
+        loss = self._text_loss(hidden, tokens.labels) if self.training else None
         logits, score, taxonomy = self.regions(normalised(batch.image), prompt)
         return Output(logits, score, taxonomy, loss)
 
     def extra_files(self) -> dict[str, str]:
+        """Return the configs of the backbones and the tokenizer."""
         return self.files
 
-    def _talk(self, batch: Batch) -> Dialogue:
-        """The conversation about each image. In training, questions and answers are drawn from torch's random state; outside it,
-        the model is asked the one question and given the first answer, whose [SEG] it has learned to fill.
+    def _dialogue(self, batch: Batch) -> Dialogue:
+        """Dialogue about each image.
+
+        In training, question and answer are drawn from torch's random state. Outside training, the question is fixed and the first
+        answer is given, because the model has learned the hidden state of its [SEG].
         """
         tasks = [task if self.config.text else "" for task in batch.task]
         image = IMAGE if self.tokens.find("<im_start>") is None else FRAMED
@@ -143,33 +148,33 @@ class Vlm(TwoHands):
         return Dialogue(*(one.to(batch.image.device) for one in talk))
 
     def _hidden(self, image: Tensor, talk: Dialogue) -> Tensor:
-        """(b, n, width): the language model's last hidden states."""
+        """Last hidden states (b, n, width) of the language model."""
         pixels = for_tower(image, self.vlm.config.vision_config.image_size).to(self.vlm.dtype)
         found = self.vlm.model(input_ids=talk.ids, pixel_values=pixels, attention_mask=talk.keep.long(), use_cache=False)
         hidden: Tensor = found.last_hidden_state
         return hidden
 
     def _text_loss(self, hidden: Tensor, labels: Tensor) -> Tensor:
-        """Mean cross-entropy of the answers' words, each predicted from the place before it."""
+        """Mean cross-entropy of the answers' tokens, each predicted from the token before it."""
         wanted = labels[:, 1:] != IGNORE
         return cross_entropy(self.vlm.lm_head(hidden[:, :-1][wanted]).float(), labels[:, 1:][wanted])
 
 
 def with_lora(vlm: Any, config: ModelConfig) -> Any:
-    """The model with low-rank updates beside q_proj and v_proj of its language model, not of its image tower."""
+    """Add low-rank updates to q_proj and v_proj of the language model, not of the image tower."""
     lora = LoraConfig(r=config.lora_rank, lora_alpha=config.lora_alpha, lora_dropout=config.lora_dropout, target_modules=ADAPTED)
     return inject_adapter_in_model(lora, vlm)
 
 
 def image_tokens(config: Any) -> int:
-    """How many tokens one image becomes: the patches of the tower, and its class token where that is kept."""
+    """Number of tokens of one image: the patches of the tower, and its class token where that is kept."""
     tower = config.vision_config
     side: int = tower.image_size // tower.patch_size
     return side * side + int(config.vision_feature_select_strategy == "full")
 
 
 def tiny_llava(size_px: int, width: int, heads: int) -> LlavaConfig:
-    """A LLaVA that runs on a CPU in milliseconds, with hashed words as its vocabulary."""
+    """Config of a LLaVA that runs on a CPU in milliseconds, with hashed words as its vocabulary."""
     shape = {"hidden_size": width, "intermediate_size": 2 * width, "num_hidden_layers": 2, "num_attention_heads": heads}
     text = {**shape, "model_type": "llama", "vocab_size": TINY_VOCABULARY, "num_key_value_heads": heads, "pad_token_id": 0,
             "bos_token_id": 1, "eos_token_id": 2}  # fmt: skip
@@ -178,7 +183,7 @@ def tiny_llava(size_px: int, width: int, heads: int) -> LlavaConfig:
 
 
 def assemble(config: ModelConfig, pretrained: bool) -> Vlm:
-    """A `Vlm` over config.backbones, or a tiny one from nothing."""
+    """Build a `Vlm` over config.backbones, or a tiny random one."""
     size, width = config.size_px[0], config.widths[2]
     vlm = backbone(LlavaForConditionalGeneration, config.backbones, "vlm", lambda: tiny_llava(size, width, config.heads),
                    pretrained=pretrained)  # fmt: skip

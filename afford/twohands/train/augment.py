@@ -1,8 +1,7 @@
-"""How a sample is looked at in training: mirrored, cropped around its object, stretched, recoloured, its things called by words
-that nobody knows, each by a seeded chance.
+"""Augmentation of training samples: mirror, crop to the objects, change the width, recolour, and replace nouns by random words.
 
-The same shares as `afford.dataset.augment`, whose parts are used. A crop here is the box alone, not put on black at the size of
-the image: so it comes to the model as a cropped picture does in prediction.
+Each has a seeded chance. `afford.dataset.augment` uses the same shares. A crop is the box alone, not placed on a black image of the
+original size, so that the model gets the same input as for a cropped picture at inference.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ MIRROR = np.array([-1, 1], np.float32)
 
 @dataclass(frozen=True)
 class Augmentation:
-    """How often, and how much."""
+    """Shares and ranges of the augmentation."""
 
     flip_share: float = 0.5
     """share of samples that are mirrored"""
@@ -32,67 +31,68 @@ class Augmentation:
     margin: float = BORDER
     """border around the objects' box in validation, as a share of the longer image side"""
     margin_range: tuple[float, float] = (0.02, 0.2)
-    """borders in training, each side drawn by itself"""
+    """range of the border in training, drawn for each side"""
     stretch_share: float = 0.5
     """share of samples that are made wider or narrower"""
     stretch_range: tuple[float, float] = (0.8, 1.25)
-    """by a factor from this range"""
+    """range of the factor of their width"""
     nameless_share: float = 0.0
-    """share of samples whose things are called by a word that means nothing: they are cropped, and only the picture tells"""
+    """share of samples that are cropped and whose nouns are replaced by random words, so that only the picture shows the object"""
     colour_share: float = 0.5
     """share of samples whose colours are changed"""
     colour_range: tuple[float, float] = (0.6, 1.4)
-    """brightness, contrast and saturation are each multiplied by a factor from this range"""
+    """range of the factors of brightness, contrast and saturation"""
 
 
-class View(NamedTuple):
-    """A sample as it is looked at."""
+class AugmentedSample(NamedTuple):
+    """A sample after augmentation."""
 
     item: Item
     centre: np.ndarray
-    """(2,) float32: centre of its things in the whole picture, x to the right and y down, -1..1; NaN when there are none"""
+    """(2,) float32: centre of its objects in the whole picture, x to the right and y down, -1..1; NaN without objects"""
 
 
-def augment(item: Item, views: Augmentation, seed: int, position: int) -> View:
-    """The sample as it is seen at this position of the training."""
+def augment(item: Item, views: Augmentation, seed: int, position: int) -> AugmentedSample:
+    """Augment a sample as a function of the seed and its position in the training."""
     rng = np.random.default_rng((seed, position))
     flipped, crop, stretch, nameless, colour = rng.random(5) < [views.flip_share, views.crop_share, views.stretch_share,
                                                                 views.nameless_share, views.colour_share]  # fmt: skip
     factors, margins = rng.uniform(*views.colour_range, 3), rng.uniform(*views.margin_range, 4)
-    item, at = crop_to_objects(item, margins) if crop or nameless else whole(item)
+    item, at = crop_to_objects(item, margins) if crop or nameless else uncropped(item)
     if flipped:
         item, at = flip(item), at * MIRROR
     if stretch:
         item = change_width(item, float(np.exp(rng.uniform(*np.log(views.stretch_range)))))
     if nameless:
         item = replace_nouns(item, rng)
-    return View(replace(item, image=recolour(item.image, *factors)) if colour else item, at)
+    return AugmentedSample(replace(item, image=recolour(item.image, *factors)) if colour else item, at)
 
 
-def whole(item: Item) -> View:
-    """The sample as it is."""
-    return View(item, centre(object_mask(item)))
+def uncropped(item: Item) -> AugmentedSample:
+    """The sample without augmentation."""
+    return AugmentedSample(item, mask_centre(object_mask(item)))
 
 
-def cropped(item: Item, views: Augmentation) -> View:
-    """The sample as the benchmark crops it."""
+def benchmark_crop(item: Item, views: Augmentation) -> AugmentedSample:
+    """Crop a sample as the benchmark does."""
     return crop_to_objects(item, np.full(4, views.margin))
 
 
-def crop_to_objects(item: Item, margins: np.ndarray) -> View:
-    """The box of the things with margins (left, top, right, bottom), shares of the longer side; the whole sample when there are
-    none. The motion is left behind.
+def crop_to_objects(item: Item, margins: np.ndarray) -> AugmentedSample:
+    """Crop a sample to the box of its objects with margins (left, top, right, bottom), as shares of the longer side.
+
+    A sample without objects is kept whole. The motion is dropped.
     """
     union = object_mask(item)
     if not union.any():
-        return whole(item)
+        return uncropped(item)
     down, across = box(union, (margins * max(union.shape)).round().astype(int).tolist())
     small = replace(item, image=item.image[down, across], masks=item.masks[:, down, across], motion=item.motion[:, :0])
-    return View(small, centre(union))
+    return AugmentedSample(small, mask_centre(union))
 
 
 def change_width(item: Item, factor: float) -> Item:
-    """The sample, so many times as wide. The motion is left behind."""
+    """Multiply the width of a sample by a factor. The motion is dropped."""
     height, width = item.image.shape[:2]
     size = max(1, round(width * factor)), height
     planes = [cv2.resize(plane.view(np.uint8), size, interpolation=cv2.INTER_NEAREST_EXACT).view(bool)
@@ -102,7 +102,7 @@ def change_width(item: Item, factor: float) -> Item:
 
 
 def replace_nouns(item: Item, rng: np.random.Generator) -> Item:
-    """The sample with its things called by words of random letters, each its own."""
+    """Replace each noun in the task of a sample by its own random word."""
     task = item.narration
     for name in sorted({item.object_left, item.object_right, *item.noun.split(":")} - {""}):
         word = "".join(chr(ord("a") + letter) for letter in rng.integers(26, size=rng.integers(3, 9)))
@@ -111,13 +111,13 @@ def replace_nouns(item: Item, rng: np.random.Generator) -> Item:
 
 
 def object_mask(item: Item) -> np.ndarray:
-    """(h, w) bool: the complete objects, or the affordances where no object is known."""
+    """Mask (h, w) bool of the complete objects, or of the affordances where no object is known."""
     union = np.asarray(item.masks[2:].any(0))
     return union if union.any() else np.asarray(item.masks.any(0))
 
 
-def centre(mask: np.ndarray) -> np.ndarray:
-    """(2,) float32: mean place of the pixels of a mask (h, w), x and y from -1 to 1 over the picture; NaN when it has none."""
+def mask_centre(mask: np.ndarray) -> np.ndarray:
+    """Mean position (2,) float32 of the pixels of a mask (h, w), x and y from -1 to 1 over the picture; NaN for an empty mask."""
     if not mask.any():
         return np.full(2, np.nan, np.float32)
     axes = (np.linspace(-1, 1, 2 * side + 1)[1::2] for side in mask.shape[::-1])

@@ -1,4 +1,4 @@
-"""The card of a trained model: what it learned from, how, how well it did, and what it cannot do."""
+"""Training job of a two-hand model, and the model card that it writes."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from afford.training.state import TrainingState
 from afford.twohands.model.interface import ModelConfig, TwoHands, build
 from afford.twohands.model.losses import LossParams
 from afford.twohands.model.model_folder import save_model, vocabulary_of, write_vocabulary
-from afford.twohands.train.augment import Augmentation, View, cropped, whole
+from afford.twohands.train.augment import Augmentation, AugmentedSample, benchmark_crop, uncropped
 from afford.twohands.train.sample_cache import SampleCache, write_cache
 from afford.twohands.train.samples import Split, read_split
 from afford.twohands.train.task import Batches, InputSize, TwoHandsTask, validation_batches
@@ -36,18 +36,18 @@ LIMITS = """- It has learned to find regions in pictures like those it was train
 
 @dataclass(frozen=True)
 class TrainingData:
-    """What a model learned from."""
+    """Data set of a training, for the model card."""
 
     name: str
     digest: str
     licence: str
     parts: dict[str, dict[str, Any]]
-    """train and val -> what they hold"""
+    """train and val -> counts of their samples"""
 
 
 def card_text(name: str, source: TrainingData, job: Mapping[str, Any], threshold: float, count: int,
          curves: TrainingLog) -> str:  # fmt: skip
-    """The whole card, Markdown with the header that model hubs read; `job` is the job as a tree of its fields."""
+    """Write the model card as Markdown with the header of model hubs; `job` is the job as a tree of its fields."""
     config, division, plan = job["config"], job["division"], job["plan"]
     return f"""---
 license: {source.licence}
@@ -111,7 +111,7 @@ def _rows(parts: dict[str, dict[str, Any]]) -> str:
 
 @dataclass(frozen=True)
 class TwoHandsJob:
-    """A model, what it learns from, and how (`afford.training.job.Job`)."""
+    """Parameters of a training of a two-hand model (`afford.training.job.Job`)."""
 
     config: ModelConfig
     plan: Plan
@@ -121,19 +121,19 @@ class TwoHandsJob:
     batch: int
     """samples per micro-batch and process"""
     coarse_share: float
-    """share of the steps that come first, at half the size"""
+    """share of the first steps, which are at half the input size"""
     balance: float
-    """0: samples as they are; 1: every verb with its taxonomy as often as any other"""
+    """0: samples as they are; 1: every pair of verb and taxonomy equally often"""
     val_samples: int
-    """samples that judge, spread over all of them; every second one is cropped to its objects"""
+    """validation samples, evenly spaced; every second one is cropped to its objects"""
     zoom: float
-    """samples are kept at this many times the size of the model, so that crops stay sharp"""
+    """samples are cached at this many times the input size, so that crops stay sharp"""
     target: str
     """affordance or object"""
     seed: int
 
     def prepare(self, data: Mapping[str, Path], scratch: Path) -> None:
-        """Decode the samples of both parts once. ValueError when one of them has none."""
+        """Decode the samples of both splits into a cache. ValueError for a split without samples."""
         largest = tuple(round(side * self.zoom) for side in self.config.size_px)
         for name in ("train", "val"):
             write_cache(read_split(data, self.division, name), scratch / name, (largest[0], largest[1]))
@@ -142,56 +142,56 @@ class TwoHandsJob:
                                  "val_fraction")
 
     def task(self, scratch: Path, processes: int) -> TwoHandsTask:
-        """A new model, the batches of training and those of validation."""
-        learned, boxes = SampleCache(scratch / "train"), InputSize(self.config.size_px)
-        order = BalancedSampler([(row["verb"], row["taxonomy"]) for row in learned.rows], self.balance, self.seed)
+        """Build a new model with its training and validation batches."""
+        samples, input_size = SampleCache(scratch / "train"), InputSize(self.config.size_px)
+        sampler = BalancedSampler([(row["verb"], row["taxonomy"]) for row in samples.rows], self.balance, self.seed)
         coarse = round(self.coarse_share * self.plan.steps) * self.plan.accumulate * processes
-        batches = Batches(learned, order, self.views, boxes, self.batch, self.seed, coarse)
-        judged = validation_batches(self.judges(SampleCache(scratch / "val")), boxes, self.batch)
-        return TwoHandsTask(build(self.config, self.seed), batches, judged, self.loss, self.target, self.plan.device)
+        batches = Batches(samples, sampler, self.views, input_size, self.batch, self.seed, coarse)
+        validation = validation_batches(self.validation_samples(SampleCache(scratch / "val")), input_size, self.batch)
+        return TwoHandsTask(build(self.config, self.seed), batches, validation, self.loss, self.target, self.plan.device)
 
-    def judges(self, samples: Sequence[Item]) -> list[View]:
-        """Samples spread over all of them, every second one cropped to its objects."""
+    def validation_samples(self, samples: Sequence[Item]) -> list[AugmentedSample]:
+        """Evenly spaced samples, every second one cropped to its objects."""
         count = min(self.val_samples, len(samples))
         chosen = [samples[round(n * (len(samples) - 1) / max(count - 1, 1))] for n in range(count)]
-        return [cropped(item, self.views) if n % 2 else whole(item) for n, item in enumerate(chosen)]
+        return [benchmark_crop(item, self.views) if n % 2 else uncropped(item) for n, item in enumerate(chosen)]
 
     def finish(self, model: nn.Module, state: TrainingState) -> None:
-        """The threshold that was best for the weights that were kept."""
+        """Set the threshold that was best for the weights that are kept."""
         found = {point.name: point.value for point in state.points if point.step == state.best_step}
         if "val.threshold" in found:
             _own(model).config = replace(self.config, threshold=found["val.threshold"])
 
     def save(self, model: nn.Module, folder: Path, scratch: Path) -> None:
-        """config.json, model.safetensors, what comes with backbones, and words.json: the vocabulary of the part that teaches."""
+        """Write the model and words.json, the vocabulary of the training split."""
         save_model(_own(model), folder)
         rows = SampleCache(scratch / "train").rows
         write_vocabulary(vocabulary_of((row["narration"], row["verb"], row["noun"]) for row in rows), folder)
 
     def card(self, name: str, dataset: Dataset, scratch: Path, model: nn.Module, curves: TrainingLog) -> str:
-        """The card, Markdown."""
-        source = TrainingData(dataset.name, dataset.digest, dataset.licence, about(scratch))
+        """Return the model card, Markdown."""
+        source = TrainingData(dataset.name, dataset.digest, dataset.licence, describe_splits(scratch))
         count = sum(parameter.numel() for parameter in model.parameters())
         return card_text(name, source, dataclasses.asdict(self), _own(model).config.threshold, count, curves)
 
     def to_json(self) -> str:
-        """The job as text."""
+        """Return the job as JSON."""
         return json.dumps({"job": "afford.twohands.train.job:TwoHandsJob", **dataclasses.asdict(self)})
 
     @classmethod
     def from_fields(cls, fields: dict[str, Any]) -> TwoHandsJob:
-        """The job again."""
+        """Build the job from the fields of its JSON."""
         kinds: dict[str, type] = {"config": ModelConfig, "plan": Plan, "loss": LossParams, "division": Split,
                                   "views": Augmentation}
         return cls(**{name: kinds[name](**_tuples(part)) if name in kinds else part for name, part in fields.items()})
 
 
-def about(scratch: Path) -> dict[str, dict[str, Any]]:
-    """What the two parts hold: samples, videos, verbs, nouns, taxonomy."""
-    return {name: _about(SampleCache(scratch / name).rows) for name in ("train", "val")}
+def describe_splits(scratch: Path) -> dict[str, dict[str, Any]]:
+    """Counts of samples, videos, verbs, nouns and taxonomy classes of both splits."""
+    return {name: _counts(SampleCache(scratch / name).rows) for name in ("train", "val")}
 
 
-def _about(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
+def _counts(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
     sets = {name: len({row[name] for row in rows}) for name in ("video", "verb", "noun")}
     return {"samples": len(rows), **sets, "taxonomy": dict(sorted(Counter(row["taxonomy"] for row in rows).items()))}
 

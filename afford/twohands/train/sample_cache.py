@@ -1,7 +1,7 @@
-"""Decoded samples on disk, read through memory maps: JPEG and PNG are decoded once, not once per epoch.
+"""Cache of decoded samples on disk, read through memory maps: JPEG and PNG are decoded once, not once per epoch.
 
-pixels.bin holds the images one after the other, (h, w, 3) uint8; masks.bin their four masks, a bit per pixel; index.json, which
-is written last, where they lie and what they are called.
+pixels.bin contains the images one after the other, (h, w, 3) uint8, and masks.bin their four masks, a bit per pixel. index.json is
+written last and contains offsets, sizes and labels.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ PIXELS, PACKED, INDEX = "pixels.bin", "masks.bin", "index.json"
 
 
 def write_cache(items: Iterable[Item], folder: Path, largest_px: tuple[int, int]) -> None:
-    """Decode everything once. Images larger than `largest_px` (height, width) are made smaller, at the same aspect.
+    """Decode all samples into a cache. Images larger than `largest_px` (height, width) are shrunk, with their aspect ratio.
 
-    A cache that is complete and undamaged is left as it is: it survives with the folder that a killed training goes on in.
+    A complete and undamaged cache is kept, so that a resumed training does not decode again.
     """
     if _is_whole(folder):
         return
@@ -45,7 +45,7 @@ def write_cache(items: Iterable[Item], folder: Path, largest_px: tuple[int, int]
 
 
 def _is_whole(folder: Path) -> bool:
-    """Whether a cache is there whose bytes fit their checksum."""
+    """Check that the folder has a cache whose bytes match the checksum."""
     try:
         index = json.loads((folder / INDEX).read_text())
         return bool(index["check"] == _checksum(folder, index["rows"]))
@@ -61,7 +61,7 @@ def _checksum(folder: Path, rows: str) -> str:
 
 
 def shrink(item: Item, largest_px: tuple[int, int]) -> Item:
-    """The sample, small enough to fit."""
+    """Shrink a sample to fit `largest_px`."""
     height, width = item.image.shape[:2]
     scale = min(1.0, largest_px[0] / height, largest_px[1] / width)
     if scale == 1.0:
@@ -72,7 +72,7 @@ def shrink(item: Item, largest_px: tuple[int, int]) -> Item:
 
 
 class SampleCache(Sequence[Item]):
-    """The samples again; safe to read from threads."""
+    """Samples of a cache; safe to read from several threads."""
 
     def __init__(self, folder: Path) -> None:
         self.rows: list[dict[str, Any]] = json.loads(json.loads((folder / INDEX).read_text())["rows"])

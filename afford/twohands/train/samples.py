@@ -1,6 +1,7 @@
-"""Where samples come from: a data set of `dataset_pack`, a released 2HANDS folder, or any folder that `datasets` has written.
+"""Read training samples, and split them into training and validation.
 
-Every form is read into the same `Item`. What a folder does not say is '', and the taxonomy follows from the masks.
+A data set is one of `dataset_pack`, a released 2HANDS folder, or any folder that `datasets` wrote. Missing text is '', and a
+missing taxonomy is derived from the masks. The splits are those of the data set, or separate videos or objects.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from afford.dataset.parquet_shards import damage_as_error, open_shard
 from afford.dataset.table_schema import MASKS
 
 Files = Mapping[str, Path]
-"""the files of a data set: name below its folder, with forward slashes -> where it is"""
+"""files of a data set: name below its folder, with forward slashes -> path"""
 NEEDED = ("image", "mask_left", "mask_right", "narration")
 WORDS = ("sample_id", "video", "narration", "verb", "noun", "object_left", "object_right")
 NUMBERS = ("frame", "verb_class", "noun_class", "taxonomy", "quality")
@@ -31,12 +32,12 @@ NO_MOTION = np.full((4, 0, 2), np.nan, np.float32)
 
 
 def files_below(folder: Path) -> Files:
-    """The files of a folder."""
+    """List the files of a folder."""
     return {path.relative_to(folder).as_posix(): path for path in sorted(folder.rglob("*")) if path.is_file()}
 
 
 def tables(files: Files) -> dict[str, list[str]]:
-    """Split -> names of its Parquet or Arrow files. A file whose name and folders say no split belongs to `train`."""
+    """Split -> names of its Parquet or Arrow files; a file without a split in its name or folders belongs to `train`."""
     found: dict[str, list[str]] = {}
     for name in sorted(name for name in files if name.endswith((".parquet", ".arrow"))):
         found.setdefault(_split(PurePosixPath(name)), []).append(name)
@@ -59,7 +60,7 @@ def released(files: Files) -> dict[str, list[str]]:
 
 
 def splits(files: Files) -> list[str]:
-    """The splits of a data set. ValueError when there is nothing to read."""
+    """Names of the splits of a data set. ValueError without files of samples."""
     found = sorted(tables(files).keys() | released(files).keys())
     if not found:
         raise ValueError("data set: expected *.parquet or *.arrow files, or <split>/h5/*.h5 with <split>/jsons/*.json, found none; "
@@ -68,7 +69,7 @@ def splits(files: Files) -> list[str]:
 
 
 def read_items(files: Files, split: str) -> Iterator[Item]:
-    """All samples of one split, in the order of the files."""
+    """Read the samples of one split, in the order of the files."""
     for name in released(files).get(split, ()):
         yield from _of_released(files, PurePosixPath(name))
     for name in tables(files).get(split, ()):
@@ -77,7 +78,7 @@ def read_items(files: Files, split: str) -> Iterator[Item]:
 
 
 def _batches(name: PurePosixPath, path: Path) -> Iterable[pa.RecordBatch]:
-    """The columns that are wanted, some rows at a time. ValueError names those that are missing."""
+    """Read the needed columns, some rows at a time. ValueError names missing columns."""
     if name.suffix == ".parquet":
         with open_shard(path, str(name)) as file:
             wanted = _wanted(name, file.schema_arrow)
@@ -98,7 +99,7 @@ def _wanted(name: PurePosixPath, schema: pa.Schema) -> list[str]:
 
 
 def item_of_row(row: dict[str, Any]) -> Item:
-    """One row, its pictures as {bytes, path}. ValueError when a picture or a mask cannot be read, or does not fit."""
+    """Decode a row with pictures as {bytes, path}. ValueError for a picture or mask that is damaged or of another size."""
     name = str(row.get("sample_id") or row["narration"])
     image = _decode(row["image"], name, "image", cv2.IMREAD_COLOR_RGB)
     planes = [_decode(row[column], name, column, cv2.IMREAD_GRAYSCALE) > 0 if row.get(column) else np.zeros(image.shape[:2], bool)
@@ -115,8 +116,9 @@ def item_of_row(row: dict[str, Any]) -> Item:
 
 
 def taxonomy_of(masks: np.ndarray) -> int:
-    """Taxonomy, 4-way, of (4, h, w) masks: which hands there are; both on the same object when the objects overlap by half, or
-    are not known.
+    """Taxonomy class of masks (4, h, w), by the hands with a region.
+
+    Two hands act on the same object when their objects overlap by more than half, or are not known.
     """
     left, right = masks[0].any(), masks[1].any()
     if not (left and right):
@@ -132,12 +134,12 @@ def _decode(picture: Any, name: str, column: str, kind: int) -> np.ndarray:
                          "data set with its pictures inside")
     found = cv2.imdecode(np.frombuffer(data, np.uint8), kind)
     if found is None:
-        raise ValueError(f"{name}: expected {column} to be a JPEG or PNG, got {len(data)} bytes that are none")
+        raise ValueError(f"{name}: expected {column} to be a JPEG or PNG, got {len(data)} other bytes")
     return np.asarray(found)
 
 
 def _of_released(files: Files, name: PurePosixPath) -> Iterator[Item]:
-    """The samples of one video; its id and the running number of each sample stand in the name of the file."""
+    """Read the samples of one video; the file name has its id and the number of the first sample."""
     outlines = str(name.parent.parent / "jsons" / f"{name.stem}.json")
     if outlines not in files:
         raise ValueError(f"{name}: expected its outlines in {outlines}, found no such file; copy both folders, h5 and jsons")
@@ -154,12 +156,12 @@ GIVEN, VIDEO, OBJECT = "given", "video", "object"
 
 @dataclass(frozen=True)
 class Split:
-    """How to divide."""
+    """Rule that splits samples into training and validation."""
 
     by: str = GIVEN
-    """given: the splits train and val as they are; video, object: a share of the videos (nouns) of both judges"""
+    """given: the splits train and val as they are; video, object: a share of the videos (nouns) of both is for validation"""
     val_fraction: float = 0.1
-    """share of groups that judge, where they are divided here"""
+    """share of groups for validation, with video or object"""
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -170,11 +172,11 @@ class Split:
 
 
 def read_split(files: Files, division: Split, name: str) -> Iterator[Item]:
-    """The samples of one part, `train` or `val`, in the order of the files. The split `test` is never touched."""
+    """Read the samples of `train` or `val`, in the order of the files. The split `test` is never read."""
     found = splits(files)
     if division.by == GIVEN:
         if name not in found:
-            raise ValueError(f"data set: expected a split {name}, found {', '.join(found)}; divide it here with split_by=video")
+            raise ValueError(f"data set: expected a split {name}, found {', '.join(found)}; set split_by=video to split it here")
         yield from read_items(files, name)
         return
     for split in (split for split in found if split != "test"):
@@ -184,15 +186,15 @@ def read_split(files: Files, division: Split, name: str) -> Iterator[Item]:
 
 
 def group_of(item: Item, by: str) -> str:
-    """What a sample must not be parted from. ValueError when the data set does not say."""
+    """Group of a sample, which is in one split only: its video or noun. ValueError when the data set lacks it."""
     label = item.video if by == VIDEO else item.noun
     if not label:
-        raise ValueError(f"{item.sample_id}: expected a {'video' if by == VIDEO else 'noun'} to divide by, found none; "
+        raise ValueError(f"{item.sample_id}: expected a {'video' if by == VIDEO else 'noun'} to split by, found none; "
                          "choose another split_by")
     return label
 
 
 def is_validation(label: str, division: Split) -> bool:
-    """Whether a group is for validation: decided by the seeded hash of its name alone."""
+    """Decide whether a group is for validation, by the seeded hash of its name alone."""
     digest = blake3(f"{division.seed}:{label}".encode()).digest(7)
     return int.from_bytes(digest, "big") / 2.0**56 < division.val_fraction

@@ -1,6 +1,6 @@
-"""How well a two-hand model does on validation: at the size of the model, one truth per sample, strict definitions.
+"""Validation metrics of a two-hand model at its input size, with one truth for each sample; and preview sheets.
 
-The benchmark (`twohands/benchmark`) measures more, and at the image's own size; here it must be quick, and choose a threshold.
+They are fast to compute and choose the threshold. The benchmark (`twohands/benchmark`) measures more, at the image's own size.
 """
 
 from __future__ import annotations
@@ -16,46 +16,49 @@ from torch import Tensor
 from afford.common.image_files import jpeg
 from afford.common.palette import LEFT, RIGHT
 from afford.twohands.model.hand_selection import select_hands
-from afford.twohands.model.predictor import ranked
+from afford.twohands.model.predictor import rank_scores
 
 THRESHOLDS = tuple(round(0.05 * n, 2) for n in range(1, 20))
 
 
 @dataclass(frozen=True)
-class Validated:
-    """What the model said of one sample, and what is true."""
+class ValidationSample:
+    """Prediction for one validation sample, and its truth."""
 
     regions: np.ndarray
-    """(k, 2, h, w) float32: probability inside the region of each hand that is used, 0 for an idle one; best ranked first"""
+    """(k, 2, h, w) float32: probabilities of each selected hand, 0 for the other; the top-ranked hypothesis first"""
     truth: np.ndarray
     """(2, h, w) bool"""
     right: bool
-    """whether the taxonomy is"""
+    """whether the predicted taxonomy is right"""
 
     @classmethod
-    def of(cls, probability: np.ndarray, score: Tensor, taxonomy: np.ndarray, truth: np.ndarray, label: int) -> Validated:
-        """probability (2, k, h, w), score logits (2, k), taxonomy probabilities (4,)."""
+    def of(cls, probability: np.ndarray, score: Tensor, taxonomy: np.ndarray, truth: np.ndarray, label: int) -> ValidationSample:
+        """Select hands and sort the hypotheses of probability (2, k, h, w), score logits (2, k), taxonomy probabilities (4,)."""
         hands = select_hands(taxonomy)
-        order = (-ranked(score, bool(hands.all())).numpy()).argsort(1, kind="stable")
+        order = (-rank_scores(score, bool(hands.all())).numpy()).argsort(1, kind="stable")
         sorted_ = np.take_along_axis(probability, order[:, :, None, None], 1) * hands[:, None, None, None]
         return cls(sorted_.swapaxes(0, 1), truth, int(taxonomy.argmax()) == label)
 
 
-def validation_metrics(said: Sequence[Validated]) -> dict[str, float]:
-    """Means over samples: iou and precision of both hands' union at the threshold with the best iou, best_iou of the best of
-    the k hypotheses there, taxonomy, threshold.
+def validation_metrics(samples: Sequence[ValidationSample]) -> dict[str, float]:
+    """Compute means over samples, at the threshold with the best mean IoU.
+
+    `iou` and `precision` are those of the union of both hands, `best_iou` that of the best of the k hypotheses, `taxonomy` is the
+    accuracy of the taxonomy, and `threshold` is that threshold.
     """
-    table = np.array([iou_and_precision(one.regions[0], one.truth) for one in said])
+    table = np.array([iou_and_precision(one.regions[0], one.truth) for one in samples])
     iou, precision = table.mean(0)
     best = int(iou.argmax())
-    several = [max(iou_and_precision(region, one.truth)[0][best] for region in one.regions) for one in said]
+    several = [max(iou_and_precision(region, one.truth)[0][best] for region in one.regions) for one in samples]
     return {"iou": float(iou[best]), "precision": float(precision[best]), "threshold": THRESHOLDS[best],
-            "best_iou": float(np.mean(several)), "taxonomy": float(np.mean([one.right for one in said]))}
+            "best_iou": float(np.mean(several)), "taxonomy": float(np.mean([one.right for one in samples]))}
 
 
 def iou_and_precision(region: np.ndarray, truth: np.ndarray) -> np.ndarray:
-    """(2, h, w) probabilities and truth -> (2, thresholds): IoU and precision of the union of both hands, 0 where the union of
-    truth and prediction, or the prediction, is empty.
+    """IoU and precision (2, thresholds) of the union of both hands, from probabilities and truth (2, h, w).
+
+    They are 0 where truth and prediction, or the prediction, are empty.
     """
     height, true = region.max(0), truth.any(0)
     found, hit = _above(height.ravel()), _above(height[true])
@@ -64,7 +67,7 @@ def iou_and_precision(region: np.ndarray, truth: np.ndarray) -> np.ndarray:
 
 
 def _above(values: np.ndarray) -> np.ndarray:
-    """How many values are above each threshold."""
+    """Number of values above each threshold."""
     passed = np.searchsorted(np.array(THRESHOLDS, np.float32), values, side="left")
     return np.bincount(passed, minlength=len(THRESHOLDS) + 1)[::-1].cumsum()[::-1][1:]
 
@@ -73,26 +76,29 @@ COLUMNS, ROWS = 4, 3
 OPACITY = 0.6
 
 
-def write_preview(path: Path, asked: Sequence[tuple[np.ndarray, str]], said: Sequence[Validated]) -> None:
-    """Write a JPEG of samples spread over all of them; `asked` are images (h, w, 3) uint8 and their tasks."""
-    count = min(COLUMNS * ROWS, len(said))
-    chosen = [round(n * (len(said) - 1) / max(count - 1, 1)) for n in range(count)]
-    tiles = [tile(*asked[n], said[n]) for n in chosen]
+def write_preview(path: Path, inputs: Sequence[tuple[np.ndarray, str]], samples: Sequence[ValidationSample]) -> None:
+    """Write a JPEG of evenly spaced samples; `inputs` are their images (h, w, 3) uint8 and tasks.
+
+    Predictions are filled, truth is outlined, in the colours of the left and right hand.
+    """
+    count = min(COLUMNS * ROWS, len(samples))
+    chosen = [round(n * (len(samples) - 1) / max(count - 1, 1)) for n in range(count)]
+    tiles = [tile(*inputs[n], samples[n]) for n in chosen]
     tiles += [np.zeros_like(tiles[0])] * (-len(tiles) % COLUMNS)
     lines = [np.hstack(tiles[n : n + COLUMNS]) for n in range(0, len(tiles), COLUMNS)]
     path.write_bytes(jpeg(np.vstack(lines)))
 
 
-def tile(image: np.ndarray, task: str, said: Validated) -> np.ndarray:
-    """One sample, (h + 16, w, 3) uint8."""
+def tile(image: np.ndarray, task: str, sample: ValidationSample) -> np.ndarray:
+    """Draw one sample with its task below, (h + 16, w, 3) uint8."""
     picture = image.astype(np.float32)
-    for colour, region in zip((LEFT, RIGHT), said.regions[0], strict=True):
+    for colour, region in zip((LEFT, RIGHT), sample.regions[0], strict=True):
         weight = OPACITY * region[..., None]
         picture = picture * (1 - weight) + np.array(colour, np.float32) * weight
     drawn = np.ascontiguousarray(picture.round().astype(np.uint8))
-    for colour, mask in zip((LEFT, RIGHT), said.truth, strict=True):
+    for colour, mask in zip((LEFT, RIGHT), sample.truth, strict=True):
         outlines, _ = cv2.findContours(mask.view(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
         cv2.drawContours(drawn, outlines, -1, colour, 1)
-    words = np.zeros((16, image.shape[1], 3), np.uint8)
-    cv2.putText(words, task.encode("ascii", "replace").decode(), (2, 11), cv2.FONT_HERSHEY_SIMPLEX, 0.35, (255, 255, 255), 1)
-    return np.vstack([drawn, words])
+    line = np.zeros((16, image.shape[1], 3), np.uint8)
+    cv2.putText(line, task.encode("ascii", "replace").decode(), (2, 11), cv2.FONT_HERSHEY_SIMPLEX, 0.35, (255, 255, 255), 1)
+    return np.vstack([drawn, line])

@@ -1,4 +1,4 @@
-"""A helper with a constant."""
+"""Helper with a constant."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""words -> one"""
+"""Join words: words -> one word."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every execution leaves a line in the file that TOY_LOG names, so that a test can count them."""
+"""Write a line per execution to the file in TOY_LOG, so that a test can count them."""
 
 from __future__ import annotations
 

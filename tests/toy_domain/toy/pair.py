@@ -1,4 +1,4 @@
-"""word -> a bundle of its first letter and the rest"""
+"""Split off the first letter: word -> a bundle of its first letter and the rest."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""part, and the word it is of -> the part in capitals"""
+"""Write in capitals: part and its word -> the part in capitals."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""word -> its parts"""
+"""Split a word: word -> its parts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The nouns of a toy domain, and their codec."""
+"""Nouns of a toy domain, and their codec."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Pair:
 
 @dataclass(frozen=True)
 class Outside:
-    """A file that is not ours."""
+    """File outside the store."""
 
     name: str
     digest: str

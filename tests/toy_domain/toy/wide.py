@@ -1,4 +1,4 @@
-"""word -> the same, on two cores"""
+"""Return the word, on two cores: word -> word."""
 
 from __future__ import annotations
 
