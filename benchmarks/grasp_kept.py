@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.stats import binomtest
 
+from afford.common.statistics import wilson_interval
 from afford.grasping.evaluate import report, result_cells
 from afford.grasping.evaluate.recipes import ROWS, STUDENTS
 from afford.grasping.evaluate.report import ABOUT
@@ -92,8 +92,8 @@ def merged(parts: Sequence[Known]) -> dict[str, float]:
         out["succ_sd"] = float(np.sqrt((within + between) / (sum(count) - 1)))
     episodes = [round(one.figures["episodes"]) for one in parts]
     won = sum(round(one.figures["succ"] * n) for n, one in zip(episodes, parts, strict=True))
-    wilson = binomtest(won, sum(episodes)).proportion_ci(method="wilson")
-    return out | {"succ_low": float(wilson.low), "succ_high": float(wilson.high), "episodes": float(sum(episodes))}
+    low, high = wilson_interval(won, sum(episodes))
+    return out | {"succ_low": low, "succ_high": high, "episodes": float(sum(episodes))}
 
 
 def table(known: Kept) -> str:

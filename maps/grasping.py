@@ -116,8 +116,8 @@ def object_tasks(g: Graph, name: str, made: tuple[ObjectSpec, GraspObject], para
 
 def negative_tasks(g: Graph, objects: Objects, p: Settings) -> tuple[GraspTask, ...]:
     """Replace N_t of the tasks of new shapes by predicted negative affordances."""
-    x = surface.look_at(g, "naa", objects.spec[NEW_SHAPES], p.surface.view_render, p)
-    found = surface.judge(g, x, surface.teach(g, p).files(g), p, "naa_").found
+    x = surface.add_views(g, "naa", objects.spec[NEW_SHAPES], p.surface.view_render, p)
+    found = surface.add_affordance(g, x, surface.train_scorer(g, p).files(g), p, "naa_").found
     return g.named("naa_tasks").add(grasp_tasks_predicted.run, tasks=objects.tasks_of_object[NEW_SHAPES], mesh=x.mesh,
                                     negatives=found, params=grasp_tasks_predicted.Params())  # fmt: skip
 
@@ -125,7 +125,7 @@ def negative_tasks(g: Graph, objects: Objects, p: Settings) -> tuple[GraspTask, 
 def positive_tasks(g: Graph, objects: Objects, p: Settings) -> tuple[tuple[GraspTask, ...], FileTree]:
     """Replace A_t of the training tasks by regions that the two-hand model of `run train` predicts; the tasks and a recording."""
     model = g.pick(twohands.train_model(g, stills_to_train(g, p), p), lambda t: t.files)
-    x = surface.look_at(g, "positive", objects.spec[TRAINING], p.surface.view_render, p)
+    x = surface.add_views(g, "positive", objects.spec[TRAINING], p.surface.view_render, p)
     descriptions = g.named("positive_describe").add(part_describe.run, mesh=x.mesh, views=x.views, params=p.surface.part_describe,
                                                     **weights(g, p, "part_describe"))  # fmt: skip
     params = p.surface.positive_affordance_projection

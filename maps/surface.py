@@ -31,34 +31,35 @@ from stages.surface import (
 from stages.synthetic import object_build, object_plan
 
 
-class Looked(NamedTuple):
+class ObjectHandles(NamedTuple):
     """Handles of an object with views and candidates."""
 
     mesh: ObjectMesh
     parts: MeshParts
     views: ObjectViews
     candidates: PartCandidates
-    made: tuple[Any, ...] = ()
+    costed: tuple[Any, ...] = ()
     """stages whose cost belongs to an object of the user, from its file on"""
 
 
-def look(g: Graph, of: str, plan: object_plan.Params, seen: view_render.Params, p: Settings) -> tuple[ObjectSpec, Looked]:
+def add_objects(g: Graph, of: str, plan: object_plan.Params, seen: view_render.Params,
+                p: Settings) -> tuple[ObjectSpec, ObjectHandles]:  # fmt: skip
     """Add procedural objects of some splits, with views and candidates."""
     spec    = g.each(g.named(f"{of}_plan").add(object_plan.run,                                      params=plan))
-    return spec, look_at(g, of, spec, seen, p)
+    return spec, add_views(g, of, spec, seen, p)
 
 
-def look_at(g: Graph, of: str, spec: ObjectSpec, seen: view_render.Params, p: Settings) -> Looked:
+def add_views(g: Graph, of: str, spec: ObjectSpec, seen: view_render.Params, p: Settings) -> ObjectHandles:
     """Add procedural objects, with views and candidates."""
     built   = g.named(f"{of}_build").add(object_build.run, spec=spec,                               params=p.synthetic.object_build)
     mesh, parts = g.pick(built, lambda b: b.mesh), g.pick(built, lambda b: b.parts)
     views   = g.named(f"{of}_views").add(view_render.run,  mesh=mesh,                                params=seen)
     masks   = g.named(f"{of}_masks").add(mask_propose.run, mesh=mesh, views=views,                   params=p.surface.mask_propose,
                                             **weights(g, p, "mask_propose"))
-    return Looked(mesh, parts, views, masks, (views, masks))
+    return ObjectHandles(mesh, parts, views, masks, (views, masks))
 
 
-def given(g: Graph, origin: Origin, p: Settings) -> Looked:
+def add_meshes(g: Graph, origin: Origin, p: Settings) -> ObjectHandles:
     """Add the user's meshes, with views and candidates, and with parts from label files."""
     files   = g.each(g.leaf("meshes", origin.meshes))
     read    = g.add(mesh_read.run,          files=files,               params=replace(p.surface.mesh_read, categories=tuple(PARTS)))
@@ -66,10 +67,10 @@ def given(g: Graph, origin: Origin, p: Settings) -> Looked:
     views   = g.named("object_views").add(view_render.run,  mesh=mesh,                               params=p.surface.view_render)
     masks   = g.named("object_masks").add(mask_propose.run, mesh=mesh, views=views,                  params=p.surface.mask_propose,
                                             **weights(g, p, "mask_propose"))
-    return Looked(mesh, g.pick(read, lambda r: r.parts), views, masks, (read, mesh, views, masks))
+    return ObjectHandles(mesh, g.pick(read, lambda r: r.parts), views, masks, (read, mesh, views, masks))
 
 
-class Taught(NamedTuple):
+class ScorerHandles(NamedTuple):
     """Handles of the part scorer and its training samples."""
 
     scorer: Trained
@@ -80,18 +81,18 @@ class Taught(NamedTuple):
         return g.pick(self.scorer, lambda t: t.files)
 
 
-def teach(g: Graph, p: Settings) -> Taught:
+def train_scorer(g: Graph, p: Settings) -> ScorerHandles:
     """Train a part scorer on objects of the training categories."""
-    spec, x = look(g, "lesson", replace(p.synthetic.object_plan, splits=("train", "val")),
+    spec, x = add_objects(g, "lesson", replace(p.synthetic.object_plan, splits=("train", "val")),
                    replace(p.surface.view_render, size_px=256, most=10, directions=128), p)
     lessons = g.add(part_lessons.run,       spec=spec, mesh=x.mesh, parts=x.parts, views=x.views, candidates=x.candidates,
                     params=p.surface.part_lessons)
     every   = g.collect(lessons)
     trained = g.add(scorer_train.run,       lessons=every,                            params=p.surface.scorer_train, ctx=g.ctx)
-    return Taught(trained, every)
+    return ScorerHandles(trained, every)
 
 
-def record_scorer(g: Graph, x: Taught, p: Settings) -> FileTree:
+def record_scorer(g: Graph, x: ScorerHandles, p: Settings) -> FileTree:
     """Record the training curves of the scorer and its predictions on validation objects."""
     log, mine = g.pick(x.scorer, lambda t: t.log), parameters(scorer_train=p.surface.scorer_train)
     made    = g.named("record_scorer_train").add(scorer_record.run, lessons=x.lessons, log=log, files=x.files(g), ctx=g.ctx,
@@ -99,52 +100,53 @@ def record_scorer(g: Graph, x: Taught, p: Settings) -> FileTree:
     return recorded(g, made, "scorer_train")
 
 
-class Judged(NamedTuple):
+class AffordanceHandles(NamedTuple):
     """Handles of the descriptions, scores and negative affordance of an object."""
 
-    told: PartDescriptions
+    notes: PartDescriptions
     fit: PartScores
     found: NegativeAffordances
 
 
-def judge(g: Graph, x: Looked, scorer: FileTree, p: Settings, of: str = "") -> Judged:
+def add_affordance(g: Graph, x: ObjectHandles, scorer: FileTree, p: Settings, of: str = "") -> AffordanceHandles:
     """Compute the negative affordance of an object; `of` is the prefix of the stage names."""
-    told    = g.named(f"{of}part_describe").add(part_describe.run, mesh=x.mesh, views=x.views,       params=p.surface.part_describe,
+    notes   = g.named(f"{of}part_describe").add(part_describe.run, mesh=x.mesh, views=x.views,       params=p.surface.part_describe,
                     **weights(g, p, "part_describe"))
     fit     = g.named(f"{of}mask_score").add(mask_score.run, mesh=x.mesh, views=x.views, candidates=x.candidates,
-                    descriptions=told, scorer=scorer, params=p.surface.mask_score, **weights(g, p, "mask_score"))
+                    descriptions=notes, scorer=scorer, params=p.surface.mask_score, **weights(g, p, "mask_score"))
     found   = g.named(f"{of}negative_affordance_projection").add(negative_affordance_projection.run, mesh=x.mesh, views=x.views,
-                    candidates=x.candidates, descriptions=told, scores=fit, params=p.surface.negative_affordance_projection)
-    return Judged(told, fit, found)
+                    candidates=x.candidates, descriptions=notes, scores=fit, params=p.surface.negative_affordance_projection)
+    return AffordanceHandles(notes, fit, found)
 
 
 def negative_affordance(g: Graph, origin: Origin, p: Settings) -> None:
     """Negative affordance of objects, or of the meshes of --source, for their tasks; scored where parts are known."""
-    taught  = teach(g, p)
-    scorer  = taught.files(g)
+    trained = train_scorer(g, p)
+    scorer  = trained.files(g)
     known: dict[str, ObjectSpec] = {}
     if origin.meshes:
-        x = given(g, origin, p)
+        x = add_meshes(g, origin, p)
     else:
-        known["spec"], x = look(g, "object", replace(p.synthetic.object_plan, splits=("seen", "unseen")), p.surface.view_render, p)
-    told, fit, found = judge(g, x, scorer, p)
+        plan = replace(p.synthetic.object_plan, splits=("seen", "unseen"))
+        known["spec"], x = add_objects(g, "object", plan, p.surface.view_render, p)
+    notes, fit, found = add_affordance(g, x, scorer, p)
     windows = g.named("object_windows").add(mask_propose.run, mesh=x.mesh, views=x.views,
                                             params=replace(p.surface.mask_propose, backend="grid"))
-    fits    = g.named("window_score").add(mask_score.run, mesh=x.mesh, views=x.views, candidates=windows, descriptions=told,
+    fits    = g.named("window_score").add(mask_score.run, mesh=x.mesh, views=x.views, candidates=windows, descriptions=notes,
                                           scorer=scorer, params=p.surface.mask_score, **weights(g, p, "mask_score"))
     scores  = g.add(negative_affordance_score.run, mesh=x.mesh, parts=x.parts, views=x.views, candidates=x.candidates,
-                    descriptions=told, scores=fit, windows=windows, window_scores=fits, found=found, **known,
+                    descriptions=notes, scores=fit, windows=windows, window_scores=fits, found=found, **known,
                     params=replace(p.surface.negative_affordance_score,
                                    threshold=p.surface.negative_affordance_projection.threshold))
-    files   = g.add(negative_affordance_files.run, mesh=x.mesh, descriptions=told, found=found, ctx=g.ctx,
+    files   = g.add(negative_affordance_files.run, mesh=x.mesh, descriptions=notes, found=found, ctx=g.ctx,
                     params=negative_affordance_files.Params())
     g.publish(files, "negative/{source}/{clip}", as_="negative")
     s       = p.surface
     mine    = parameters(view_render=s.view_render, mask_propose=s.mask_propose, part_describe=s.part_describe,
                          mask_score=s.mask_score, negative_affordance_projection=s.negative_affordance_projection)
-    record  = g.add(object_record.run,      views=x.views, candidates=x.candidates, descriptions=told, scores=fit, found=found,
+    record  = g.add(object_record.run,      views=x.views, candidates=x.candidates, descriptions=notes, scores=fit, found=found,
                     mesh=x.mesh, ctx=g.ctx, params=object_record.Params("mesh_texture" if origin.meshes else "object_build", mine))
     report = g.add(negative_affordance_report.run, scores=g.collect(scores), params=p.surface.negative_affordance_report, ctx=g.ctx)
-    g.cost("cpu_s_per_object", (*x.made, told, fit, found), (reported(g, report), "objects"), shards=scores)
+    g.cost("cpu_s_per_object", (*x.costed, notes, fit, found), (reported(g, report), "objects"), shards=scores)
     g.target("negative-affordance", files, recorded(g, record, "{clip}"), report,
-             record_run(g, "negative_affordance_report", report), record_scorer(g, taught, p))
+             record_run(g, "negative_affordance_report", report), record_scorer(g, trained, p))

@@ -8,7 +8,7 @@ from pathlib import Path
 from commands.settings import settings
 from commands.weights import resolve_weights
 from maps.common import weights
-from maps.surface import Looked, judge
+from maps.surface import ObjectHandles, add_affordance
 from runner import Graph, Runner, RunReport
 from schemas.files import FileTree
 from stages.surface import mask_propose, negative_affordance_files, view_render
@@ -27,10 +27,10 @@ def run(store: Path, sets: Iterable[str]) -> tuple[Runner, RunReport]:
     mesh, parts = graph.leaf("mesh", x.mesh), graph.leaf("parts", x.parts)
     views = graph.add(view_render.run, mesh=mesh, params=VIEWS)
     masks = graph.add(mask_propose.run, mesh=mesh, views=views, params=p.surface.mask_propose, **weights(graph, p, "mask_propose"))
-    said = judge(graph, Looked(mesh, parts, views, masks), graph.leaf("scorer", FileTree("none", ())), p)
-    files = graph.add(negative_affordance_files.run, mesh=mesh, descriptions=said.told, found=said.found, ctx=graph.ctx,
+    found = add_affordance(graph, ObjectHandles(mesh, parts, views, masks), graph.leaf("scorer", FileTree("none", ())), p)
+    files = graph.add(negative_affordance_files.run, mesh=mesh, descriptions=found.notes, found=found.found, ctx=graph.ctx,
                       params=negative_affordance_files.Params())  # fmt: skip
-    graph.target("chain", files, said.fit, masks)
+    graph.target("chain", files, found.fit, masks)
     return runner, runner.run(graph, "chain")
 
 

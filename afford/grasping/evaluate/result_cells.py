@@ -12,8 +12,8 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import binomtest
 
+from afford.common.statistics import wilson_interval
 from afford.training.ablation import seeds_cell
 from schemas.episodes import GraspEpisodes, GraspExam
 from schemas.grasp import LEVELS
@@ -56,8 +56,7 @@ class ResultCell(NamedTuple):
     def interval(self) -> tuple[float, float]:
         """Return Wilson's 95 % interval of the success rate over all episodes."""
         found = np.concatenate([one.figure("success") for one in self.runs])
-        ci = binomtest(int(found.sum()), len(found)).proportion_ci(method="wilson")
-        return float(ci.low), float(ci.high)
+        return wilson_interval(int(found.sum()), len(found))
 
     @property
     def missing(self) -> int:
