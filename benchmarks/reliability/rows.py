@@ -47,7 +47,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Plan:
-    """How much of a part to run, and where."""
+    """Extent and place of a run of one part."""
 
     folder: Path
     """empty; removed afterwards"""

@@ -128,7 +128,7 @@ REFUSED: list[tuple[Callable[[Path], None], str]] = [
     (words_for_corners, r"annotation 1, field 'segments': expected polygons as lists of \[x, y\] numbers, got .*; correct"),
     (name_of_another_kind, r"image 1 \(.*\), annotation 1, field 'name': expected str, got int; compare"),
     (another_document, r"P95_01\.json: expected 'video_annotations' \(VISOR\) or .*, got frames; see docs/.*/own-video\.md"),
-    (no_points, r"P95_01: expected at least one image with masks, got none; annotate some frames"),
+    (no_points, r"P95_01: expected at least one image with masks, got files without masks; annotate some frames"),
     (frame_twice, r"image 2 \(.*\): expected one entry per frame, got a second one for frame 1; merge the two"),
 ]
 

@@ -61,7 +61,7 @@ def test_a_file_without_a_picture_has_no_size() -> None:
 
 @pytest.mark.parametrize("value", [np.arange(6.0).reshape(2, 3), np.array("word"), np.zeros((0, 3), np.float32), np.array([True])])
 def test_plain_arrays_are_read_as_numpy_reads_them(value: np.ndarray, tmp_path: Path) -> None:
-    """From .npy and .npz alike."""
+    """The files are .npy and .npz."""
     np.save(tmp_path / "one.npy", value)
     np.savez_compressed(tmp_path / "one.npz", value=value, other=value)
     found = load_npz(tmp_path / "one.npz", "one.npz", lambda name: name == "value")
@@ -75,7 +75,7 @@ def test_plain_arrays_are_read_as_numpy_reads_them(value: np.ndarray, tmp_path: 
     "{'descr': '<U100000000', 'fortran_order': False, 'shape': (2,), }",
 ])  # fmt: skip
 def test_the_size_that_an_npy_states_is_checked_before_it_is_read(header: str, tmp_path: Path) -> None:
-    """In a file and in an archive."""
+    """The .npy is a file, or a member of an archive."""
     (tmp_path / "one.npy").write_bytes(npy(header))
     zipped(tmp_path / "one.npz", {"value.npy": npy(header)})
     for read in (lambda: load_npy(tmp_path / "one.npy", "one"), lambda: load_npz(tmp_path / "one.npz", "one")):
@@ -90,7 +90,7 @@ def test_the_size_that_an_npy_states_is_checked_before_it_is_read(header: str, t
     npy("{'descr': '<U0', 'fortran_order': False, 'shape': (1000000000000,), }"), npy("{'descr': '<f8', (((("), npy("(" * 5000),
     npy("{'descr': '<f8', 'fortran_order': False, 'shape': (" + "9" * 5000 + ",), }"), npy("1L + \"\"\""),
 ])  # fmt: skip
-def test_what_is_no_plain_array_is_refused_in_a_sentence(data: bytes, tmp_path: Path) -> None:
+def test_damaged_and_foreign_arrays_are_refused_in_a_sentence(data: bytes, tmp_path: Path) -> None:
     """Cut files, objects, negative sizes, damaged headers."""
     (tmp_path / "one.npy").write_bytes(data)
     zipped(tmp_path / "one.npz", {"value.npy": data})
@@ -101,7 +101,7 @@ def test_what_is_no_plain_array_is_refused_in_a_sentence(data: bytes, tmp_path: 
 
 
 def test_a_member_is_refused_by_its_stated_size_before_it_is_decompressed(tmp_path: Path) -> None:
-    """In an .npz the sizes of all wanted arrays count together."""
+    """The sizes of all wanted arrays of an .npz are summed."""
     path = zipped(tmp_path / "one.npz", {"a.npy": bytes(3 * MIB), "b.npy": bytes(3 * MIB)})
     with zipfile.ZipFile(path) as archive, pytest.raises(TooLargeError, match="a: expected a file in a zip of at most 2 MiB"):
         read_member(archive, archive.getinfo("a.npy"), "a", 2 * MIB)
@@ -111,7 +111,7 @@ def test_a_member_is_refused_by_its_stated_size_before_it_is_decompressed(tmp_pa
 
 @pytest.mark.parametrize("method", [zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
 def test_members_of_every_method_are_read_whole(method: int, tmp_path: Path) -> None:
-    """In chunks."""
+    """Members are read in chunks."""
     data = np.random.default_rng(0).bytes(3 * MIB)
     path = zipped(tmp_path / "one.zip", {"a": data}, method)
     with zipfile.ZipFile(path) as archive:

@@ -9,8 +9,8 @@ from afford.common.masks import box
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_the_box_holds_the_mask_and_no_less_would(seed: int) -> None:
-    """Everything of the mask lies inside, and every side of the box touches it."""
+def test_box_is_the_smallest_around_the_mask(seed: int) -> None:
+    """The mask lies inside, and every side of the box touches it."""
     rng = np.random.default_rng(seed)
     mask = rng.random(rng.integers(1, 30, 2)) < rng.choice([0.01, 0.1, 0.9])
     mask[tuple(rng.integers(0, mask.shape))] = True
@@ -20,7 +20,7 @@ def test_the_box_holds_the_mask_and_no_less_would(seed: int) -> None:
 
 
 def test_a_border_widens_the_box_as_far_as_the_image_goes() -> None:
-    """By one width, or by one for each side in the order left, top, right, bottom."""
+    """The border is one width, or one for each side in the order left, top, right, bottom."""
     mask = np.zeros((20, 30), bool)
     mask[4:9, 10:12] = True
     assert box(mask, 3) == (slice(1, 12), slice(7, 15))

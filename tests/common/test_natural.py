@@ -18,8 +18,8 @@ def test_padded_names_keep_the_order_of_text(parts: list[tuple[str, int, str]]) 
 
 
 @given(st.lists(st.integers(0, 10**30), unique=True), WORDS)
-def test_numbers_are_in_their_order(numbers: list[int], before: str) -> None:
-    """Of any length."""
+def test_numbers_are_sorted_by_value(numbers: list[int], before: str) -> None:
+    """Numbers of any length keep their order."""
     assert sorted((f"{before}{n}.png" for n in numbers), key=natural_key) == [f"{before}{n}.png" for n in sorted(numbers)]
 
 

@@ -9,7 +9,7 @@ from afford.common.masks import fill_nearest
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.float32])
-def test_what_is_not_known_is_like_what_is_near(dtype: type) -> None:
+def test_unknown_pixels_take_the_nearest_known_value(dtype: type) -> None:
     image = np.random.default_rng(0).integers(1, 200, (12, 16, 2)).astype(dtype)
     known = np.zeros((12, 16), bool)
     known[3, 4] = known[8, 13] = True

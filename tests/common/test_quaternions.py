@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from afford.common.geometry import quaternion_inverse, quaternion_matrix, quaternion_product
 
 
-def test_as_scipy_has_it() -> None:
+def test_quaternions_equal_those_of_scipy() -> None:
     """Matrices, products and inverses of random rotations."""
     rng = np.random.default_rng(0)
     for _ in range(20):

@@ -1,4 +1,4 @@
-"""Laws of afford/common/video: frames are told apart by their time and turned upright, whatever the container."""
+"""Laws of afford/common/video: frames are identified by their time and turned upright, in every container."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def test_frame_n_is_the_nth_picture_of_the_file(tmp_path: Path, name: str, codec
 
 
 def test_variable_frame_rate_keeps_numbers_and_times(tmp_path: Path) -> None:
-    """In a file of uneven times frame n is still the n-th picture, and its time is the file's."""
+    """Frame n of a file with uneven times is the n-th picture, and its time is the file's."""
     ticks = np.cumsum([0, *([20, 20, 20, 60] * 10)][:40]).tolist()
     path = write_video(tmp_path / "v.mp4", 40, ticks=ticks)
     number, time_ns, rgb = decode_video(path, 5, 30, None, BOX)
@@ -61,7 +61,7 @@ def test_a_turned_video_comes_out_upright(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["a.mkv", "a.mp4", "a.avi"])
-def test_of_a_truncated_file_the_frames_that_are_there_are_right(tmp_path: Path, name: str) -> None:
+def test_frames_of_a_truncated_file_keep_their_numbers(tmp_path: Path, name: str) -> None:
     """Cut at 60 %: the file is known to be short, and every frame that is given carries its own number."""
     path = write_video(tmp_path / name, 80, codec="mpeg4" if name == "a.avi" else "libx264", front=name == "a.mp4")
     data = path.read_bytes()
@@ -84,7 +84,7 @@ def test_a_damaged_middle_loses_only_frames_never_their_numbers(tmp_path: Path) 
 
 
 def test_an_intact_file_is_not_called_truncated(tmp_path: Path) -> None:
-    """Also at an odd rate and with few frames."""
+    """The rate may be odd, and the frames few."""
     assert not probe(write_video(tmp_path / "a.mkv", 7, Fraction(30000, 1001))).truncated
 
 

@@ -12,6 +12,6 @@ from afford.common.text import swap_sides
     ("leftover bright copyright", "leftover bright copyright"),
     ("top-left", "top-right"),
 ])
-def test_only_whole_words_are_swapped(text: str, swapped: str) -> None:
+def test_whole_words_are_swapped(text: str, swapped: str) -> None:
     """The case is kept, words that merely contain left or right are not touched."""
     assert swap_sides(text) == swapped

@@ -36,7 +36,7 @@ def cup() -> trimesh.Trimesh:
 
 
 def shell() -> trimesh.Trimesh:
-    """A ball with another one inside it, which nobody can see: 80 % of the area is outside."""
+    """A ball with another, invisible one inside it: 80 % of the area is outside."""
     return trimesh.util.concatenate([ball(), ball(0.05)])
 
 

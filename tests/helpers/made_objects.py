@@ -55,7 +55,7 @@ def looked(category: str = "screwdriver", seed: int = 3, split: str = "train") -
 
 
 def true_scores(x: Looked, masks: PartCandidates | None = None) -> PartScores:
-    """What a scorer would say that is never wrong, of the object's candidates or of other masks in its views."""
+    """Scores of a perfect scorer for the object's candidates, or for other masks in its views."""
     columns = [x.parts.names.index(note.part) for note in x.told.notes]
     share, overlap = (np.ascontiguousarray(found[:, columns]) for found in part_targets(x.parts, x.views, masks or x.candidates))
     return PartScores(x.mesh.name, share, overlap)

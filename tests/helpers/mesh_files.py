@@ -21,7 +21,7 @@ LIMITS = RepairLimits(hole_edges=64, hole_share=0.05, dust_share=0.0001)
 
 
 def wishes(unit: str = "auto", categories: tuple[str, ...] = (), texture_px: int = 512, faces: int = 60_000) -> MeshSettings:
-    """What a test wants of a mesh."""
+    """Settings of the mesh reader for a test."""
     return MeshSettings(unit, categories, texture_px, faces, LIMITS)
 
 
@@ -46,7 +46,7 @@ def box(cuts: int = 2) -> trimesh.Trimesh:
 
 
 def checks(side: int = 64) -> np.ndarray:
-    """(side, side, 3) uint8: every texel tells where it is."""
+    """(side, side, 3) uint8: the colour of every texel encodes its position."""
     rows, columns = np.mgrid[:side, :side]
     return np.stack([rows * 255 // (side - 1), columns * 255 // (side - 1), 40 + 0 * rows], -1).astype(np.uint8)
 

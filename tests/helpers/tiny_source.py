@@ -35,7 +35,7 @@ def write_source(root: Path, videos: tuple[str, ...] = VIDEOS, truth: bool = Fal
 
 
 def media(root: Path, video: str) -> Path:
-    """Where the video lies."""
+    """Path of the video."""
     return root / "videos" / f"{video}.MP4"
 
 

@@ -80,7 +80,7 @@ def test_threshold_folders_give_map_and_the_best_is_reported(bench: FileTree, tm
 
 def test_folders_of_predictions_that_cannot_be_read_are_refused(tmp_path: Path) -> None:
     """No masks, a folder name without a threshold, and thresholds in some folders only."""
-    with pytest.raises(SourceError, match=r"aff_left.png or aff_right.png, got none"):
+    with pytest.raises(SourceError, match=r"aff_left.png or aff_right.png, got no such file"):
         answers.Masks(as_tree(tmp_path), 0.5, "cropped")
     write_mask(tmp_path / "a" / "v" / "1" / "aff_left.png", LEFT)
     with pytest.raises(SourceError, match="end in its number"):
