@@ -16,11 +16,12 @@ import zipfile
 import zlib
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple
-
-import numpy as np
+from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 
 from afford.common.errors import SourceError
+
+if TYPE_CHECKING:
+    import numpy as np
 
 MAX_PIXELS = 64_000_000
 """pixels of one image: more than any camera records today; 16 bits a pixel decode to 128 MB, 8-bit RGB to 192 MB"""
@@ -181,6 +182,8 @@ def npy_header(stream: BinaryIO, refuse: Refuse) -> Header:
 
     Raises the error of `refuse` for a damaged header and for dtypes other than numbers and text.
     """
+    import numpy as np  # loaded late: discovery of sources reads no array
+
     try:
         version = np.lib.format.read_magic(stream)
         read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
@@ -205,6 +208,8 @@ def _member_array(archive: zipfile.ZipFile, info: zipfile.ZipInfo, name: str, mo
 
 def _array(stream: BinaryIO, size: int, name: str, most: int, refuse: Refuse) -> np.ndarray:
     """Read the array of a stream of `size` bytes."""
+    import numpy as np  # loaded late: discovery of sources reads no array
+
     header = npy_header(stream, refuse)
     _check_bytes(header.bytes, name, "an array", most)
     if header.bytes > size - stream.tell():
@@ -233,6 +238,8 @@ def outline_px(corners: np.ndarray, where: str) -> int:
 
     Raises SourceError for an outline that is too long for a mask.
     """
+    import numpy as np  # loaded late: discovery of sources reads no array
+
     length = int(np.abs(np.diff(corners, axis=0, append=corners[:1])).max(axis=1).sum()) if len(corners) else 0
     if length > MOST_OUTLINE_PX:
         raise SourceError(where, f"an outline of at most {MOST_OUTLINE_PX} px", f"one of {length}", "draw it again")
@@ -241,6 +248,8 @@ def outline_px(corners: np.ndarray, where: str) -> int:
 
 def box_px(corners: np.ndarray, width_px: int, height_px: int) -> int:
     """Return the area of the bounding box of (n, 2) corners inside an image, in pixels."""
+    import numpy as np  # loaded late: discovery of sources reads no array
+
     if not len(corners):
         return 0
     size = np.clip(corners.max(axis=0), 0, (width_px, height_px)) - np.clip(corners.min(axis=0), 0, (width_px, height_px)) + 1

@@ -101,7 +101,7 @@ def copy_folder(files: FileTree, marker: str, folder: Path) -> Path:
     found = [ref.name for ref in files.files if ref.name.rpartition("/")[2] == marker]
     heads = sorted({name.removesuffix(marker) for name in found}, key=len)
     if not heads or (len(heads) > 1 and not all(head.startswith(heads[0]) for head in heads)):
-        raise SourceError(files.name, f"one folder with a {marker}", ", ".join(found) or "no such file", "give the output of its stage")
+        raise SourceError(files.name, f"one folder with a {marker}", ", ".join(found) or "none", "give the output of its stage")
     for ref in files.files:
         if ref.name.startswith(heads[0]):
             copy = folder / ref.name.removeprefix(heads[0])

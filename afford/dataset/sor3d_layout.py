@@ -157,13 +157,6 @@ def write_sequence(clip: InteractionClip, root: Path) -> Path:
     return folder
 
 
-def write_views(views: dict[str, int], root: Path) -> Path:
-    """Write views_id.txt, which lists the camera of each person as `SubjectN<tab>1..3`, as in the released code."""
-    path = root / VIEWS
-    path.write_text("".join(f"{subject}\t{view}\n" for subject, view in views.items()), encoding="utf-8", newline="\n")
-    return path
-
-
 def _spots(clip: InteractionClip) -> list[dict[str, int]]:
     height, width = clip.label.shape
     across, down = GRID[0] / width, GRID[1] / height

@@ -56,7 +56,7 @@ def read_tensors(path: Path) -> dict[str, Tensor]:
     except (*ZIP_ERRORS, SafetensorError) as error:
         raise ValueError(f"{path}: expected {WHAT}; {reason(error)[:LONGEST]}") from error
     if not found:
-        raise ValueError(f"{path}: no tensors with names (a frozen TorchScript has lost them); save the state_dict")
+        raise ValueError(f"{path}: expected tensors by name, got none (a frozen TorchScript has lost them); save the state_dict")
     return found
 
 

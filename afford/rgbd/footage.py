@@ -99,7 +99,7 @@ def _pictures(path: Path, sampling: Sampling) -> tuple[list[np.ndarray], list[in
     if path.is_dir():
         listed = _numbered(path, IMAGES, (MASKS, "."))
     if not listed:
-        raise SourceError(str(path), f"frames of one sequence ({', '.join(IMAGES)})", "no such file", "give the folder of the frames")
+        raise SourceError(str(path), f"frames of one sequence ({', '.join(IMAGES)})", "none", "give the folder of the frames")
     numbers = list(range(len(listed)))[-sampling.frames :]
     frames = [read_image(listed[n]) for n in numbers]
     unknown = next((n for n, frame in zip(numbers, frames, strict=True) if frame.shape != frames[-1].shape), None)

@@ -47,7 +47,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Plan:
-    """Extent and place of a run of one part."""
+    """Extent of a part of the tests, and its folder."""
 
     folder: Path
     """empty; removed afterwards"""

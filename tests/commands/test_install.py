@@ -129,7 +129,7 @@ def test_installed_versions_are_the_pinned_ones() -> None:
 @pytest.mark.parametrize(("machine", "message"), [
     (((3, 11), "Linux", "x86_64", True, False), []),
     (((3, 12), "Linux", "x86_64", True, False), ["pybullet has no wheel for Python 3.12"]),
-    (((3, 13), "Linux", "x86_64", False, True), ["none is found: install g++ first", "torch may come with CUDA's packages"]),
+    (((3, 13), "Linux", "x86_64", False, True), ["a C++ compiler, which is missing: install g++ first", "torch may bring CUDA"]),
     (((3, 11), "Linux", "aarch64", True, False), ["pybullet has no wheel", "embreex has no build for aarch64"]),
     (((3, 12), "Darwin", "arm64", True, True), [])])  # fmt: skip
 def test_packages_without_a_wheel_are_reported_first(machine: tuple, message: list[str]) -> None:  # type: ignore[type-arg]  # a call's arguments

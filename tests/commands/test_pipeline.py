@@ -192,7 +192,7 @@ def test_one_stage_is_recorded_alone_with_a_hint_for_inspection(mine: Made) -> N
     bare = mine.run("dataset", "--only", "clip_footage", "--record")
     assert "clip_footage has no recording of its own" in bare.words and bare.words.count("pipeline.py inspect ") == len(VIDEOS)
     stale = mine.run("dataset", "--only", "object_completion", "--record", "--set", "mask_densify.radius=3")
-    assert stale.json["ran"] == {} and "is not renewed, for " in stale.words
+    assert stale.json["ran"] == {} and "is not updated, since " in stale.words
     assert mine.run("dataset", "--record").code == 2
 
 

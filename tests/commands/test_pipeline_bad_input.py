@@ -143,7 +143,7 @@ def test_a_store_that_is_a_file_is_refused(made: Made, tmp_path: Path) -> None:
     (tmp_path / "store").touch()
     for verb in ("status", "verify", "gc", "run"):
         refused = call(verb, "--store", tmp_path / "store")
-        assert refused.code == 2 and f"--store {tmp_path / 'store'}: expected" in refused.err and " file" in refused.err, verb
+        assert refused.code == 2 and f"error: --store {tmp_path / 'store'}: " in refused.err and "is a file" in refused.err, verb
 
 
 def test_a_source_with_an_unusual_name_is_a_source(made: Made, tmp_path: Path) -> None:

@@ -51,7 +51,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def run(folder: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch):  # type: ignore[no-untyped-def]
     """Run `dataset` in this process."""
-    monkeypatch.setattr(network, "ask", by_colour)
+    monkeypatch.setattr(network, "segment", by_colour)
 
     def made(store: Path, settings: Settings) -> RunReport:
         place, _ = origin("dataset", folder, settings, digest)

@@ -61,7 +61,7 @@ def test_swapped_hands_keep_the_union_and_lose_the_hands(bench: FileTree, tmp_pa
     scores = score_cases.run(bench, predicted, score_cases.Params(swap=True))
     case = "cropped/P01_01/0000140"
     assert (value(scores, case, "iou"), value(scores, case, "hand_iou"), value(scores, case, "hands_accuracy")) == (1, 0, 1)
-    assert value(scores, "cropped/P01_01/0000150", "hands_accuracy") == 0 and scores.name == "said_swapped"
+    assert value(scores, "cropped/P01_01/0000150", "hands_accuracy") == 0 and scores.name == "masks_swapped"
 
 
 def test_threshold_folders_give_map_and_the_best_is_reported(bench: FileTree, tmp_path: Path) -> None:
@@ -80,7 +80,7 @@ def test_threshold_folders_give_map_and_the_best_is_reported(bench: FileTree, tm
 
 def test_folders_of_predictions_that_cannot_be_read_are_refused(tmp_path: Path) -> None:
     """No masks, a folder name without a threshold, and thresholds in some folders only."""
-    with pytest.raises(SourceError, match=r"aff_left.png or aff_right.png, got no such file"):
+    with pytest.raises(SourceError, match=r"aff_left.png or aff_right.png, got none"):
         answers.Masks(as_tree(tmp_path), 0.5, "cropped")
     write_mask(tmp_path / "a" / "v" / "1" / "aff_left.png", LEFT)
     with pytest.raises(SourceError, match="end in its number"):

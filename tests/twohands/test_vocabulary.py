@@ -68,7 +68,7 @@ def test_predict_warns_of_unknown_words(model: Path, tmp_path: Path) -> None:
     image = tiny_asked.write_picture(tmp_path / "kettle.png")
     done = call("predict", image, "pour zorgblatt", "--out", tmp_path / "out", "--model", model, "--json")
     assert done.code == 0 and done.json["unknown_words"] == ["zorgblatt"]
-    assert "unknown words zorgblatt: the training of this model did not contain them" in done.words
+    assert "unknown words zorgblatt: this model was not trained with them" in done.words
     assert json.loads((tmp_path / "out" / "kettle" / "prediction.json").read_text())["unknown_words"] == ["zorgblatt"]
     done = call("predict", image, "pour tea", "--out", tmp_path / "out", "--model", model, "--json")
     assert done.json["unknown_words"] == [] and "unknown words" not in done.words

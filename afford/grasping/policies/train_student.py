@@ -23,7 +23,7 @@ from afford.grasping.policies.student_obs import StudentObs
 from afford.grasping.rl import dagger
 from afford.grasping.rl.cloud_policy import CloudConfig, CloudPolicy, paper_config
 from afford.grasping.rl.ppo import make_optimizer
-from afford.training import curves
+from afford.training.curves import EventWriter
 from afford.training.loop import derive_seed
 from afford.training.state import TrainingState, load_checkpoint, resume, save_checkpoint
 
@@ -67,13 +67,14 @@ def train_student(envs: DistillationEnv, size: str, config: dagger.DaggerConfig,
     model = new_student(size, envs.begin(0).robot.shape[1], envs.core.motors, config.seed)
     optimizer = make_optimizer(model, config.lr)
     state = resume(folder, model, optimizer, "cpu")
+    events = EventWriter(folder / "tensorboard", state.points)
     buffer = _load_buffer(folder, config.buffer, state.step)
 
     def on_round(number: int, scalars: dict[str, float]) -> None:
         state.step = number + 1
         state.log("train", scalars)
         if state.step % SECTION == 0 or state.step == config.rounds:
-            _save(folder, state, model, optimizer, buffer)
+            _save(folder, state, events, model, optimizer, buffer)
         progress(state.step, config.rounds)
 
     dagger.train(envs, model, config, optimizer, buffer, state.step, on_round)
@@ -99,11 +100,11 @@ def export_student(folder: Path, model: CloudPolicy, sensors: StudentSensors, fa
     return root
 
 
-def _save(folder: Path, state: TrainingState, model: CloudPolicy, optimizer: torch.optim.Optimizer,
+def _save(folder: Path, state: TrainingState, events: EventWriter, model: CloudPolicy, optimizer: torch.optim.Optimizer,
           buffer: dagger.ReplayBuffer) -> None:  # fmt: skip
     tensors = {str(k): torch.from_numpy(column) for k, column in enumerate(buffer.columns)}
     save_checkpoint(_buffer_file(folder, state.step), tensors, {"count": buffer.count})
-    curves.write_events(folder / "tensorboard", state.points)
+    events.append(state.points)
     state.save(folder, model, optimizer)
     for old in folder.glob("moments-*.safetensors"):
         if old != _buffer_file(folder, state.step):

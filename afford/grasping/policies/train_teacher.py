@@ -25,7 +25,7 @@ from afford.grasping.env.task import Task
 from afford.grasping.policies.load_policy import ENVIRONMENT, PRIOR, mean_action, prior_columns
 from afford.grasping.rl import policy_files, ppo
 from afford.grasping.rl.ppo import ActorCritic, PolicyConfig, PPOConfig, paper_config
-from afford.training import curves
+from afford.training.curves import EventWriter
 from afford.training.loop import derive_seed
 from afford.training.state import TrainingState, resume
 from schemas.hand import HandModel
@@ -99,12 +99,13 @@ def train_teacher(hand: HandModel, tasks: Sequence[Task], prior: FrozenPrior | N
         model = new_teacher(plan, envs.core.width, envs.core.motors)
         optimizer = ppo.make_optimizer(model, plan.ppo.lr)
         state = resume(folder, model, optimizer, "cpu")
+        events = EventWriter(folder / "tensorboard", state.points)
         while state.step < plan.ppo.updates:
             seed = derive_seed(plan.seed, state.step, 1)  # of world 0; the other worlds follow it
             adapter = PPOEnvAdapter(envs, seed, SCALE) if prior is None else ResidualEnv(envs, prior, seed)
             _train_section(adapter, model, plan, optimizer, state, progress)
+            events.append(state.points)
             state.save(folder, model, optimizer)
-            curves.write_events(folder / "tensorboard", state.points)
     finally:
         envs.close()
     state.best_step = state.step

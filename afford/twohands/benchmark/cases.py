@@ -57,7 +57,7 @@ def read(files: CaseFiles, outlines: Outlines | None = None) -> Case:
     size = _size(files, regions)
     modes = np.stack([[_fit(mask, size, name, notes) for mask, name in pair] for pair in regions])
     if not all(mode.any() for mode in modes):
-        raise SourceError(files.where, "aff_left.png or aff_right.png with a region in every mode", "no such file", "remove the case")
+        raise SourceError(files.where, "aff_left.png or aff_right.png with a region in every mode", "none", "remove the case")
     notes += [note for mode, said in zip(modes, taxonomy, strict=True) if (note := _disagreement(mode, said))]
     objects = np.stack([_fit(_mask(files, f"obj_{side}.png"), size, f"obj_{side}.png", notes) for side in SIDES])
     words = {key: str(annotation.get(key) or "") for key in ("verb", "noun")}

@@ -60,7 +60,7 @@ class Mean:
 def class_mean(dataset: Path | None) -> Baseline:
     """Mean mask of a class: where hands were in the training split for this verb and noun. ValueError without a data set."""
     if dataset is None:
-        raise ValueError("class_mean: no data set with a train split was given; give the one that the model learns from")
+        raise ValueError("class_mean: expected a data set with a train split, got none; give the one that the model learns from")
     means: dict[Key, Mean] = defaultdict(Mean)
     for row in load.rows(dataset, "train", CLASS_COLUMNS):
         verb, noun = row["verb"].lower(), row["noun"].lower()
@@ -101,7 +101,7 @@ EXTRACTED_COLUMNS = ("video", "frame", "height", "width", "taxonomy", *REGIONS)
 def extraction(dataset: Path | None) -> Baseline:
     """AffExtract: the masks that the extraction took from the same frame, by video and number. ValueError without a data set."""
     if dataset is None:
-        raise ValueError("extraction: no data set of the benchmark's videos was given; extract them with `run dataset`")
+        raise ValueError("extraction: expected a data set of the benchmark's videos, got none; extract them with `run dataset`")
     rows = {(row["video"], row["frame"]): row
             for split in load.splits(dataset) for row in load.rows(dataset, split, EXTRACTED_COLUMNS)}
 
