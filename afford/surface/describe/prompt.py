@@ -75,7 +75,7 @@ def parse_answer(text: str, name: str, task: str, backend: str) -> PartDescripti
     found = [value for value in json_objects(text) if "category" in value]
     if len(found) != 1:
         wanted = "one JSON object with category and parts"
-        raise ValueError(f"{where}: expected {wanted}, got {len(found) or 'none'} in {text[:QUOTED]!r}; {ADVICE}")
+        raise ValueError(f"{where}: expected {wanted}, got {len(found)} in {text[:QUOTED]!r}; {ADVICE}")
     category = _name(found[0], "category", where)
     if category.startswith(UNKNOWN):
         return PartDescription(name, UNKNOWN, task, (), backend)
