@@ -11,7 +11,7 @@ from benchmarks.pages import ROOT
 from benchmarks.reliability.rows import Plan, Row, skipped
 
 SUITES = {"demo page: addresses, hosts, origins, paths, lengths, bodies, many questions": ("test_demo.py",),
-          "model servers: keys, proxies, deadlines, answers": ("test_describe_endpoint.py", "test_describe_answer.py"),
+          "model servers: keys, proxies, deadlines, answers": ("test_describe_endpoint.py", "test_describe_prompt.py"),
           "sources: bad input, one clear sentence": ("test_bad_input.py", "test_pipeline_bad_input.py", "test_discover.py"),
           "checkpoints and pickles that would run code": ("test_tensor_files.py", "test_published_weights.py", "test_weights.py"),
           "recordings and links: nothing outside a source is read": ("test_readers_video.py", "test_malformed_annotations.py"),

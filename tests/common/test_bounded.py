@@ -1,4 +1,4 @@
-"""Bounded reading: what a file states is checked before it is read."""
+"""Bounded reading: stated sizes are checked before any data is read."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ MIB = 1 << 20
 
 
 def image(kind: str, width: int, height: int) -> bytes:
-    """A picture as a file of this kind."""
+    """Write an image in a format."""
     out = io.BytesIO()
     Image.new("RGB", (width, height)).save(out, kind)
     return out.getvalue()
 
 
 def npy(header: str, body: bytes = b"") -> bytes:
-    """An .npy with any header."""
+    """Write an .npy with any header."""
     text = header.encode("latin-1") + b"\n"
     return b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text + body
 
 
 def zipped(path: Path, members: dict[str, bytes], method: int = zipfile.ZIP_DEFLATED) -> Path:
-    """A zip of members."""
+    """Write a zip of members."""
     with zipfile.ZipFile(path, "w", method) as archive:
         for name, data in members.items():
             archive.writestr(name, data)
@@ -39,29 +39,29 @@ def zipped(path: Path, members: dict[str, bytes], method: int = zipfile.ZIP_DEFL
 
 
 def lie(path: Path, true: int, stated: int) -> None:
-    """Change the size of the only member in both headers of a zip."""
+    """Change the stated size of the only member in both headers of a zip."""
     path.write_bytes(path.read_bytes().replace(true.to_bytes(4, "little"), stated.to_bytes(4, "little")))
 
 
 @pytest.mark.parametrize("kind", ["PNG", "JPEG", "BMP", "WebP", "TIFF"])
-def test_the_size_of_a_picture_is_read_from_its_header(kind: str) -> None:
-    """Width, then height; half of the file is enough."""
+def test_image_size_is_read_from_the_header(kind: str) -> None:
+    """Check width and height of half a file."""
     data = image(kind, 31, 17)
     assert image_size(data, "one") == (31, 17)
     with pytest.raises(TooLargeError, match=r"one: expected an image of at most 0\.0005 megapixels, got 31 x 17"):
         check_image(data, "one", 500)
 
 
-def test_a_file_without_a_picture_has_no_size() -> None:
-    """Text and nothing are refused."""
+def test_file_without_an_image_is_refused() -> None:
+    """Check text and an empty file."""
     for data in (b"", b"no picture"):
         with pytest.raises(SourceError, match="one: expected an image"):
             image_size(data, "one")
 
 
 @pytest.mark.parametrize("value", [np.arange(6.0).reshape(2, 3), np.array("word"), np.zeros((0, 3), np.float32), np.array([True])])
-def test_plain_arrays_are_read_as_numpy_reads_them(value: np.ndarray, tmp_path: Path) -> None:
-    """From .npy and .npz alike."""
+def test_plain_arrays_equal_numpy(value: np.ndarray, tmp_path: Path) -> None:
+    """Check .npy and .npz."""
     np.save(tmp_path / "one.npy", value)
     np.savez_compressed(tmp_path / "one.npz", value=value, other=value)
     found = load_npz(tmp_path / "one.npz", "one.npz", lambda name: name == "value")
@@ -74,8 +74,8 @@ def test_plain_arrays_are_read_as_numpy_reads_them(value: np.ndarray, tmp_path: 
     "{'descr': '<f8', 'fortran_order': False, 'shape': (1000000, 1000000), }",
     "{'descr': '<U100000000', 'fortran_order': False, 'shape': (2,), }",
 ])  # fmt: skip
-def test_the_size_that_an_npy_states_is_checked_before_it_is_read(header: str, tmp_path: Path) -> None:
-    """In a file and in an archive."""
+def test_stated_npy_size_is_checked_first(header: str, tmp_path: Path) -> None:
+    """Check a file and an archive."""
     (tmp_path / "one.npy").write_bytes(npy(header))
     zipped(tmp_path / "one.npz", {"value.npy": npy(header)})
     for read in (lambda: load_npy(tmp_path / "one.npy", "one"), lambda: load_npz(tmp_path / "one.npz", "one")):
@@ -90,8 +90,8 @@ def test_the_size_that_an_npy_states_is_checked_before_it_is_read(header: str, t
     npy("{'descr': '<U0', 'fortran_order': False, 'shape': (1000000000000,), }"), npy("{'descr': '<f8', (((("), npy("(" * 5000),
     npy("{'descr': '<f8', 'fortran_order': False, 'shape': (" + "9" * 5000 + ",), }"), npy("1L + \"\"\""),
 ])  # fmt: skip
-def test_what_is_no_plain_array_is_refused_in_a_sentence(data: bytes, tmp_path: Path) -> None:
-    """Cut files, objects, negative sizes, damaged headers."""
+def test_invalid_arrays_are_refused(data: bytes, tmp_path: Path) -> None:
+    """Check truncated files, objects, negative sizes and damaged headers."""
     (tmp_path / "one.npy").write_bytes(data)
     zipped(tmp_path / "one.npz", {"value.npy": data})
     for read in (lambda: load_npy(tmp_path / "one.npy", "one"), lambda: load_npz(tmp_path / "one.npz", "one")):
@@ -100,8 +100,8 @@ def test_what_is_no_plain_array_is_refused_in_a_sentence(data: bytes, tmp_path: 
         assert "\n" not in str(caught.value)
 
 
-def test_a_member_is_refused_by_its_stated_size_before_it_is_decompressed(tmp_path: Path) -> None:
-    """In an .npz the sizes of all wanted arrays count together."""
+def test_stated_member_size_is_checked_first(tmp_path: Path) -> None:
+    """Check that sizes of all wanted arrays of an .npz count together."""
     path = zipped(tmp_path / "one.npz", {"a.npy": bytes(3 * MIB), "b.npy": bytes(3 * MIB)})
     with zipfile.ZipFile(path) as archive, pytest.raises(TooLargeError, match="a: expected a file in a zip of at most 2 MiB"):
         read_member(archive, archive.getinfo("a.npy"), "a", 2 * MIB)
@@ -110,8 +110,8 @@ def test_a_member_is_refused_by_its_stated_size_before_it_is_decompressed(tmp_pa
 
 
 @pytest.mark.parametrize("method", [zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
-def test_members_of_every_method_are_read_whole(method: int, tmp_path: Path) -> None:
-    """In chunks."""
+def test_compression_methods(method: int, tmp_path: Path) -> None:
+    """Check members that are read in chunks."""
     data = np.random.default_rng(0).bytes(3 * MIB)
     path = zipped(tmp_path / "one.zip", {"a": data}, method)
     with zipfile.ZipFile(path) as archive:
@@ -119,8 +119,8 @@ def test_members_of_every_method_are_read_whole(method: int, tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize(("stated", "check"), [(2 * MIB, lambda size: size == 2 * MIB), (4 * MIB, lambda size: False)])
-def test_a_member_that_states_another_size_is_cut_or_refused(stated: int, check: Callable[[int], bool], tmp_path: Path) -> None:
-    """A zip can lie: the stream ends at the stated size, and one that ends before is refused."""
+def test_false_member_size(stated: int, check: Callable[[int], bool], tmp_path: Path) -> None:
+    """Check that a longer stream ends at the stated size, and a shorter one is refused."""
     path = zipped(tmp_path / "one.zip", {"a": bytes(3 * MIB)})
     lie(path, 3 * MIB, stated)
     with zipfile.ZipFile(path) as archive:
@@ -130,7 +130,7 @@ def test_a_member_that_states_another_size_is_cut_or_refused(stated: int, check:
             assert str(error).startswith("a: expected")
 
 
-def test_an_error_is_one_sentence_of_bounded_length() -> None:
-    """Whatever the file holds."""
+def test_errors_are_short_sentences() -> None:
+    """Check any content."""
     said = str(SourceError("one\ntwo", "a number", "9" * 5000, "correct it"))
     assert said.startswith("one two: expected a number, got 999") and len(said) < 300 and said.endswith("999; correct it")

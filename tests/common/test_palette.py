@@ -23,7 +23,7 @@ def test_the_page_has_the_colours_of_the_sheets() -> None:
     assert not [side for side, colour in HANDS.items() if re.search(r",\s*".join(map(str, colour)), script)]
 
 
-def test_nobody_else_writes_a_hands_colour() -> None:
+def test_colours_of_hands_are_defined_once() -> None:
     """No other module of afford has either of them, as numbers or as #rrggbb."""
     written = re.compile("|".join(rf"{r}, ?{g}, ?{b}\b|{web((r, g, b))}" for r, g, b in HANDS.values()), re.IGNORECASE)
     assert [path.name for path in AFFORD.rglob("*.py") if written.search(path.read_text())] == ["palette.py"]
@@ -36,8 +36,8 @@ def test_no_object_looks_like_a_hand() -> None:
     assert apart.min() > 60
 
 
-def test_a_hand_has_its_colour_wherever_it_stands() -> None:
-    """Also alone, and behind things; a thing keeps its colour in another list."""
+def test_hand_colour_depends_on_the_side_alone() -> None:
+    """The order of the entities has no influence; an object keeps its colour in another list."""
     hands = {side: Entity(f"{side} hand", f"{side} hand", -1, "hand", side) for side in SIDES}
     mug, pan = (Entity(name, name, -1, "object", "") for name in ("mug", "pan"))
     for listed in ((hands["right"],), (mug, hands["right"]), (hands["right"], pan, hands["left"], mug)):
@@ -47,7 +47,7 @@ def test_a_hand_has_its_colour_wherever_it_stands() -> None:
 
 
 def test_masks_are_painted_in_the_order_of_their_colours() -> None:
-    """In the report's sheet, the region of a right hand alone is blue; what is in no mask stays as it was."""
+    """The region of a right hand alone is blue in the report's sheet; pixels outside all masks are unchanged."""
     grey, region = np.full((20, 30, 3), 100, np.uint8), np.zeros((1, 20, 30), bool)
     region[0, 5:15, 5:15] = True
     drawn = paint(grey, region, [HANDS["right"]]).astype(int)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from afford.common.worker import use_kernel_cache
 from commands.settings import settings
 from commands.weights import resolve_weights
 from maps.common import weights
@@ -13,6 +12,7 @@ from maps.surface import Looked, judge
 from runner import Graph, Runner, RunReport
 from schemas.files import FileTree
 from stages.surface import mask_propose, negative_affordance_files, view_render
+from tests.helpers.kernels import share_kernels
 from tests.helpers.made_objects import VIEWS, looked
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -20,7 +20,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 def run(store: Path, sets: Iterable[str]) -> tuple[Runner, RunReport]:
     """Mesh -> views -> masks -> descriptions -> scores -> surface -> files, on `--set` of these words."""
-    use_kernel_cache(ROOT, store)
+    share_kernels(store.parent)
     runner, graph = Runner(store, ROOT, "afford.codecs:CODEC", "afford.common.worker:prepare", jobs=0), Graph()
     p = resolve_weights(settings(["mask_propose.regions.least_px=12", *sets], None), lambda path: runner.hash_file(path)[0])
     x = looked()

@@ -1,4 +1,4 @@
-"""Small procedural objects, looked at from all sides: the beginning of every test of negative affordances."""
+"""Small procedural objects with views, candidates and descriptions, for tests of negative affordance."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ SMALL = Settings.of(object_plan=replace(Settings.synthetic.object_plan, categori
                     view_render=replace(Settings.surface.view_render, size_px=64, directions=32, share=0.0),
                     mask_propose=changed(Settings.surface.mask_propose, least_px=12),
                     scorer_train=replace(Settings.surface.scorer_train, steps=2, objects=1, candidates=2, warmup=1))  # fmt: skip
-"""the whole chain in some seconds"""
+"""settings with which the whole chain takes a few seconds"""
 GRID = mask_propose.Params(backend="grid")
 VIEWS = view_render.Params(size_px=96, directions=64, most=8)
 
 
 class Looked(NamedTuple):
-    """An object, its views and candidates, and what its table says."""
+    """Object with views, candidates, and its description by the lexicon."""
 
     spec: ObjectSpec
     mesh: ObjectMesh
@@ -46,7 +46,7 @@ class Looked(NamedTuple):
 
 @cache
 def looked(category: str = "screwdriver", seed: int = 3, split: str = "train") -> Looked:
-    """Made once for all tests of a process."""
+    """Build an object once for all tests of a process."""
     spec = ObjectSpec(f"{category}_{seed}", category, seed, "mixed", split)
     built = object_build.run(spec, object_build.Params(edge_m=0.012, max_faces=6000, atlas_px=128))
     views = view_render.run(built.mesh, VIEWS)
@@ -55,13 +55,13 @@ def looked(category: str = "screwdriver", seed: int = 3, split: str = "train") -
 
 
 def true_scores(x: Looked, masks: PartCandidates | None = None) -> PartScores:
-    """What a scorer would say that is never wrong, of the object's candidates or of other masks in its views."""
+    """Return perfect scores of the object's candidates, or of other masks."""
     columns = [x.parts.names.index(note.part) for note in x.told.notes]
     share, overlap = (np.ascontiguousarray(found[:, columns]) for found in part_targets(x.parts, x.views, masks or x.candidates))
     return PartScores(x.mesh.name, share, overlap)
 
 
 def projected(x: Looked, scores: PartScores | None = None) -> NegativeAffordances:
-    """Its negative surface, by true scores where none are given."""
+    """Project an object's scores, by default the true ones."""
     params = negative_affordance_projection.Params(spacing_m=0.02, negative_points=40, points=500)
     return negative_affordance_projection.run(x.mesh, x.views, x.candidates, x.told, scores or true_scores(x), params)

@@ -1,4 +1,4 @@
-"""A describer behind a server: what it is asked, what its refusals become, and that no sentence about them shows the key."""
+"""Describer behind a server: prompt, refusals, and secrecy of the key in every message."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def described(chosen: part_describe.Params) -> PartDescription:
 
 
 def refused(answer: Callable[[Asked], Answer], **more: Any) -> tuple[str, int]:
-    """The sentence, and how often the server was asked."""
+    """Return the error message and the number of requests."""
     with serving(answer) as server, pytest.raises(ValueError) as caught:
         described(params(server, **more))
     assert KEY not in repr(caught.value) and caught.value.__suppress_context__ | (caught.value.__context__ is None)
@@ -40,8 +40,8 @@ def refused(answer: Callable[[Asked], Answer], **more: Any) -> tuple[str, int]:
 # -- what is asked -----------------------------------------------------------------------------------------------------
 
 
-def test_it_is_asked_as_the_protocol_has_it() -> None:
-    """Address, header, no sampling, the question and the sheet of views; the answer becomes notes."""
+def test_request_follows_the_protocol() -> None:
+    """Check address, header, sampling, prompt and sheet of views, and that the answer becomes notes."""
     with serving(lambda _: says(GOOD)) as server:
         found = described(params(server, seed=7, new_tokens=55))
     [asked] = server.asked
@@ -60,14 +60,14 @@ def test_it_is_asked_as_the_protocol_has_it() -> None:
 
 
 def seen(url: str) -> np.ndarray:
-    """The picture in a data URL."""
+    """Decode the image of a data URL."""
     kind, _, data = url.partition(",")
     assert kind == "data:image/jpeg;base64"
     return cv2.imdecode(np.frombuffer(base64.b64decode(data), np.uint8), cv2.IMREAD_COLOR_RGB)
 
 
-def test_every_task_is_asked_for_itself() -> None:
-    """Tasks given, else those of the table for a known thing."""
+def test_tasks_are_separate_requests() -> None:
+    """Check given tasks, and otherwise those of the lexicon for a known category."""
     with serving(lambda _: says(GOOD)) as server:
         part_describe.run(looked().mesh, looked().views, params(server, tasks=("a", "b", "c")))
         part_describe.run(looked().mesh, looked().views, params(server, tasks=()))
@@ -76,8 +76,8 @@ def test_every_task_is_asked_for_itself() -> None:
     assert len(texts) == 5 and all(f'The task: "{task}"' in text for task, text in zip(tasks, texts, strict=True))
 
 
-def test_a_server_without_a_key_gets_none(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whatever the environment holds."""
+def test_server_without_a_key_receives_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Check that the environment does not matter."""
     monkeypatch.setenv("OPENAI_API_KEY", KEY)
     with serving(lambda _: says(GOOD)) as server:
         described(params(server, key_variable=""))
@@ -85,8 +85,8 @@ def test_a_server_without_a_key_gets_none(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 @pytest.mark.parametrize(("count", "rows", "columns"), [(1, 1, 1), (2, 1, 2), (4, 2, 3), (6, 2, 3), (99, 2, 3)])
-def test_views_stand_on_one_sheet(count: int, rows: int, columns: int) -> None:
-    """Three in a row, as many as there are; each under its name."""
+def test_views_are_on_one_sheet(count: int, rows: int, columns: int) -> None:
+    """Check three views in a row, each under its name."""
     views = looked().views
     assert len(views.views) == 6
     sheet, (tall, wide) = contact_sheet(views, count), views.rgb.shape[1:3]
@@ -103,8 +103,8 @@ def test_views_stand_on_one_sheet(count: int, rows: int, columns: int) -> None:
     (404, "no model 'some-vlm'", 1), (400, "answered 400: no such thing; mend", 1), (429, "answered 429 after 3 tries", 3),
     (500, "answered 500 after 3 tries: no such thing", 3), (503, "answered 503 after 3 tries", 3),
 ])  # fmt: skip
-def test_a_refusal_is_one_sentence(status: int, sentence: str, tries: int) -> None:
-    """With the address and the server's own message; what may be over soon is tried again, a redirect is not followed."""
+def test_refusal_is_one_sentence(status: int, sentence: str, tries: int) -> None:
+    """Check address and message of the server, retries of temporary errors, and that redirects are not followed."""
     answer = Answer(status, {"error": {"message": "no such\nthing"}}, (("Location", "/elsewhere"),))
     said, asked = refused(lambda _: answer, retries=2)
     assert sentence in said and "/v1: " in said and asked == tries
@@ -112,8 +112,8 @@ def test_a_refusal_is_one_sentence(status: int, sentence: str, tries: int) -> No
 
 @pytest.mark.parametrize("status", [400, 401, 404, 429, 500, 302])
 @pytest.mark.parametrize("echo", ["{}", '{{"error": {{"message": "bad key {}"}}}}', '{{"error": {{"message": "{}"}}}}'])
-def test_a_server_that_repeats_the_key_is_not_quoted(status: int, echo: str) -> None:
-    """Not in its body, its headers or its reason; plain or escaped."""
+def test_key_in_a_refusal_is_not_quoted(status: int, echo: str) -> None:
+    """Check body, headers and reason, plain or escaped."""
     for key in (KEY, KEY.replace("/", r"\/")):
         answer = Answer(status, None, (("X-Key", KEY),), echo.format(key).encode())
         said, _ = refused(lambda _, answer=answer: answer, retries=0)  # type: ignore[misc]
@@ -123,8 +123,8 @@ def test_a_server_that_repeats_the_key_is_not_quoted(status: int, echo: str) -> 
 @pytest.mark.parametrize("text", [KEY, f"Here you are, {KEY}: {GOOD}", GOOD.replace("narwhal", KEY), GOOD.replace("positive", KEY),
                                   GOOD.replace("narwhal", KEY.replace("/", r"\/")),
                                   GOOD.replace("positive", KEY.replace("s", r"\u0073"))])  # fmt: skip
-def test_an_answer_that_repeats_the_key_is_refused(text: str) -> None:
-    """Nothing of it is kept, nor shown."""
+def test_answer_with_the_key_is_refused(text: str) -> None:
+    """Check that the answer is neither stored nor shown."""
     said, _ = refused(lambda _: says(text))
     assert f"repeats the key of {VARIABLE}" in said and "planted" not in said
 
@@ -133,27 +133,27 @@ def test_an_answer_that_repeats_the_key_is_refused(text: str) -> None:
     Answer(200, {}), Answer(200, []), Answer(200, {"choices": []}), says(None), says(["x"]), Answer(200, raw=b"<html>"),
     Answer(200, raw=b"\xff"), Answer(200, raw=b"[" * 10000),
 ])  # fmt: skip
-def test_what_is_no_reply_of_the_protocol_is_one_sentence(answer: Answer) -> None:
-    """It says what was looked for."""
+def test_invalid_replies_are_refused(answer: Answer) -> None:
+    """Check that the error names the expected field."""
     said, asked = refused(lambda _: answer)
     assert "expected choices[0].message.content with text" in said and asked == 1
 
 
-def test_what_the_model_says_must_be_an_answer() -> None:
-    """The parser's sentence (test_describe_answer.py)."""
-    assert "expected one JSON object with category and parts, got none in 'No.'" in refused(lambda _: says("No."))[0]
+def test_answer_must_be_valid() -> None:
+    """Check the message of the parser (test_describe_prompt.py)."""
+    assert "expected one JSON object with category and parts, got 0 in 'No.'" in refused(lambda _: says("No."))[0]
 
 
-def test_busy_servers_are_asked_again() -> None:
-    """Until they answer."""
+def test_busy_servers_are_retried() -> None:
+    """Check retries until an answer."""
     busy = [Answer(429, None, (("Retry-After", "0"),)), Answer(503)]
     with serving(lambda _: busy.pop() if busy else says(GOOD)) as server:
         assert described(params(server)).category == "screwdriver"
     assert len(server.asked) == 3
 
 
-def test_nobody_there_and_nobody_answering(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A closed port, and one that never says a word."""
+def test_unreachable_and_silent_servers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Check a closed port, and a server that sends no byte."""
     with socket.create_server(("127.0.0.1", 0)) as silent:
         url = f"http://127.0.0.1:{silent.getsockname()[1]}/v1"
         with pytest.raises(ValueError, match=r"cannot be asked: no answer within 0\.2 s"):
@@ -169,16 +169,16 @@ def test_nobody_there_and_nobody_answering(monkeypatch: pytest.MonkeyPatch) -> N
     ("", "got nothing; export it"), ("short", "got something else"), (f"{KEY}\nX-More: 1", "got something else"),
     (f"{KEY} ", "got something else"),
 ])  # fmt: skip
-def test_what_cannot_be_a_key_is_not_sent(value: str, sentence: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The variable is named, its value not shown."""
+def test_invalid_keys_are_not_sent(value: str, sentence: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Check that the error names the variable and hides its value."""
     monkeypatch.setenv(VARIABLE, value)
     said, asked = refused(lambda _: says(GOOD))
     assert f"environment variable {VARIABLE}" in said and sentence in said and asked == 0
     assert not value or value not in said
 
 
-def test_a_key_travels_in_the_open_to_this_machine_only() -> None:
-    """Or over https."""
+def test_keys_need_https_or_localhost() -> None:
+    """Check that plain http is accepted for this machine only."""
     for url in ("https://api.example/v1", "http://localhost:1/v1", "http://[::1]:1/v1"):
         assert chat_endpoint.read_key(VARIABLE, url) == KEY
     for url in ("http://api.example/v1", "http://localhost.example/v1"):
@@ -190,15 +190,15 @@ def test_a_key_travels_in_the_open_to_this_machine_only() -> None:
     {"key_variable": KEY}, {"key_variable": "lower"}, {"url": f"http://me:{KEY}@host/v1"}, {"url": f"https://host/v1?key={KEY}"},
     {"url": "host/v1"}, {"views": 0}, {"retries": -1},
 ])  # fmt: skip
-def test_parameters_that_may_hold_a_key_are_refused(wrong: dict[str, Any]) -> None:
-    """Before anything is written, and unshown."""
+def test_parameters_with_a_key_are_refused(wrong: dict[str, Any]) -> None:
+    """Check that the error comes before any output and hides the value."""
     with pytest.raises(ValueError, match="expected") as caught:
         changed(part_describe.Params(backend="endpoint"), **wrong)
     assert KEY not in str(caught.value)
 
 
-def test_a_model_and_a_server_must_be_named() -> None:
-    """In one sentence."""
+def test_model_and_server_are_required() -> None:
+    """Check the error for a missing name."""
     for missing in ({"model": ""}, {"url": ""}):
         with pytest.raises(ValueError, match="needs a server: set `model`, and `url`"):
             described(params(ChatServer("http://127.0.0.1:1/v1"), **missing))

@@ -1,4 +1,4 @@
-"""The stage: masks lie on the object, say different things, and parts that geometry shows are among them."""
+"""Stage mask_propose: masks are on the object, distinct, and contain the geometric parts."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.surface import PartCandidates
 from stages.surface import mask_propose, view_render
 from tests.helpers.made_meshes import as_object, ball
-from tests.surface.test_segments import dumbbell
+from tests.surface.test_proposal_regions import dumbbell
 
 Shown = tuple[ObjectMesh, ObjectViews, PartCandidates]
 
@@ -23,8 +23,8 @@ def shown() -> Shown:
     return thing, views, mask_propose.run(thing, views, mask_propose.Params())
 
 
-def test_masks_lie_on_the_object(shown: Shown) -> None:
-    """And are neither empty nor all of it."""
+def test_masks_are_on_the_object(shown: Shown) -> None:
+    """Check that masks are neither empty nor the whole object."""
     _, views, found = shown
     for view, mask in zip(found.view, found.masks, strict=True):
         on = views.face[view] >= 0
@@ -32,8 +32,8 @@ def test_masks_lie_on_the_object(shown: Shown) -> None:
     assert (np.diff(found.view) >= 0).all()
 
 
-def test_no_two_masks_of_a_view_say_the_same(shown: Shown) -> None:
-    """IoU of 0.7 at most, the better first."""
+def test_masks_of_a_view_are_distinct(shown: Shown) -> None:
+    """Check an IoU of at most 0.7, and the order by quality."""
     _, _, found = shown
     for view in np.unique(found.view):
         mine = found.masks[found.view == view]
@@ -42,8 +42,8 @@ def test_no_two_masks_of_a_view_say_the_same(shown: Shown) -> None:
             assert all((mine[i] & mine[j]).sum() <= 0.7 * (mine[i] | mine[j]).sum() for j in range(i))
 
 
-def test_the_block_is_proposed_wherever_it_is_seen(shown: Shown) -> None:
-    """In each view one mask overlaps with it by more than 0.9 of their union."""
+def test_visible_block_is_proposed(shown: Shown) -> None:
+    """Check an IoU above 0.9 in each view."""
     thing, views, found = shown
     block = thing.vertices[thing.faces].mean(1)[:, 1] > 0.0799
     for view, face in enumerate(views.face):
@@ -54,14 +54,14 @@ def test_the_block_is_proposed_wherever_it_is_seen(shown: Shown) -> None:
 
 
 def test_views_of_another_mesh_are_refused(shown: Shown) -> None:
-    """Both are named."""
+    """Check that the error names both."""
     _, views, _ = shown
     with pytest.raises(ValueError, match="render the views again"):
         mask_propose.run(as_object(ball(0.1, 1)), views, mask_propose.Params())
 
 
-def test_an_unknown_backend_lists_those_there_are(shown: Shown) -> None:
-    """As every registry does."""
+def test_unknown_backend_lists_the_known_ones(shown: Shown) -> None:
+    """Check the error of the registry."""
     thing, views, _ = shown
     with pytest.raises(KeyError, match="regions"):
-        mask_propose.run(thing, views, replace(mask_propose.Params(), backend="nobody"))
+        mask_propose.run(thing, views, replace(mask_propose.Params(), backend="other"))

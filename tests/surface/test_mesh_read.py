@@ -1,4 +1,4 @@
-"""Laws of stages/surface/mesh_read.py: one object in, its mesh, parts and report out."""
+"""Stage mesh_read: mesh, parts and report of one object."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ def write(folder: Path) -> None:
     write_labels(folder / "bread_knife.obj", parts={"blade": [[0, 50]]})
 
 
-def test_mesh_parts_and_report_belong_together(tmp_path: Path) -> None:
-    """Names, category, sizes, what was decided and what was done."""
+def test_mesh_parts_and_report_agree(tmp_path: Path) -> None:
+    """Check names, category, sizes, decisions and repairs."""
     write(tmp_path)
     found = mesh_read.run(tree(tmp_path), mesh_read.Params(categories=("mug", "knife")))
     assert found.mesh.name == found.parts.name == found.report.name == "bread_knife" and found.mesh.category == "knife"
@@ -30,8 +30,8 @@ def test_mesh_parts_and_report_belong_together(tmp_path: Path) -> None:
     assert found.report.source == "bread_knife.obj" and found.report.deviation_m == 0
 
 
-def test_the_same_files_give_the_same_bytes_and_survive_storage(tmp_path: Path) -> None:
-    """Twice, and through the codecs."""
+def test_result_is_deterministic_and_survives_storage(tmp_path: Path) -> None:
+    """Check two runs, and a round trip through the codecs."""
     (tmp_path / "in").mkdir()
     write(tmp_path / "in")
     a, b = (mesh_read.run(tree(tmp_path / "in"), mesh_read.Params()) for _ in range(2))
@@ -46,7 +46,7 @@ def test_the_same_files_give_the_same_bytes_and_survive_storage(tmp_path: Path) 
 
 @pytest.mark.parametrize("wrong", [{"max_faces": 3}, {"max_texture_px": 1000}, {"unit": "feet"}])
 def test_parameters_out_of_range_are_refused(wrong: dict[str, object], tmp_path: Path) -> None:
-    """The sentence says what was expected."""
+    """Check that the error names the valid range."""
     write(tmp_path)
     with pytest.raises(ValueError, match="expected"):
         mesh_read.run(tree(tmp_path), replace(mesh_read.Params(), **wrong))

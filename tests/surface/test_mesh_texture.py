@@ -1,4 +1,4 @@
-"""Laws of stages/surface/mesh_texture.py: what has a texture passes unchanged, what has none gets one."""
+"""Stage mesh_texture: textured meshes pass unchanged, plain ones get a texture."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ def plain() -> ObjectMesh:
 
 @pytest.mark.parametrize("backend", mesh_texture.BACKENDS)
 def test_textured_meshes_pass_byte_for_byte(backend: str) -> None:
-    """Whatever the backend."""
+    """Check every backend."""
     given = replace(plain(), texture=checks())
     out = mesh_texture.run(given, mesh_texture.Params(backend=backend))
     assert all(np.array_equal(getattr(out, name), getattr(given, name)) for name in ("vertices", "faces", "uv", "texture"))
 
 
-def test_a_plain_mesh_gets_a_texture_and_keeps_its_surface() -> None:
-    """Side as asked; vertices and faces untouched."""
+def test_plain_mesh_gets_a_texture_and_keeps_its_surface() -> None:
+    """Check the side of the texture, and unchanged vertices and faces."""
     given = plain()
     out = mesh_texture.run(given, changed(mesh_texture.Params(), side_px=128))
     assert out.texture.shape == (128, 128, 3) and out.texture.std() > 1 and out.uv.min() >= 0 and out.uv.max() <= 1
@@ -39,19 +39,19 @@ def test_a_plain_mesh_gets_a_texture_and_keeps_its_surface() -> None:
     assert again.texture.tobytes() == out.texture.tobytes() and again.uv.tobytes() == out.uv.tobytes()
 
 
-def test_keep_keeps() -> None:
-    """The one colour stays."""
+def test_keep_backend() -> None:
+    """Check that the one colour stays."""
     assert mesh_texture.run(plain(), mesh_texture.Params(backend="keep")).texture.shape == (1, 1, 3)
 
 
-def test_it_cannot_see_labels() -> None:
-    """A mesh and parameters are all that the stage is given."""
+def test_labels_are_not_an_input() -> None:
+    """Check that the stage takes a mesh and parameters alone."""
     assert list(inspect.signature(mesh_texture.run).parameters) == ["mesh", "params"]
     assert "part" not in ObjectMesh.__dataclass_fields__
 
 
 @pytest.mark.parametrize("wrong", [{"regions": 0}, {"side_px": 100}, {"backend": "paint"}])
 def test_parameters_out_of_range_are_refused(wrong: dict[str, object]) -> None:
-    """The sentence says what can be chosen."""
+    """Check that the error names the valid values."""
     with pytest.raises((ValueError, KeyError), match=r"expected|choose one"):
         mesh_texture.run(plain(), changed(mesh_texture.Params(), **wrong))

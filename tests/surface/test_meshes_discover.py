@@ -1,4 +1,4 @@
-"""Laws of meshes/discover: objects are found by name, hold exactly the files they need and never leave their folder."""
+"""Discovery of objects: names, exactly the files each needs, and no file outside the folder."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ URDF = """<robot name="r"><link name="l"><visual><geometry><mesh filename="{0}"/
 
 
 def put(root: Path, **files: str) -> None:
-    """Files by name; '__' stands for a slash, '_dot_' for a dot."""
+    """Write files by name; '__' is a slash, '_dot_' a dot."""
     for name, content in files.items():
         path = root / name.replace("__", "/").replace("_dot_", ".")
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -30,7 +30,7 @@ def found(root: Path) -> dict[str, list[str]]:
 
 
 def test_objects_are_files_folders_and_urdfs(tmp_path: Path) -> None:
-    """Each with what it refers to and its labels, nothing else; collision meshes are no objects."""
+    """Check references and labels; collision meshes are no objects."""
     put(tmp_path, a_dot_obj="mtllib a.mtl\n", a_dot_mtl="newmtl m\nmap_Kd look/a.png\n", look__a_dot_png="x", note_dot_txt="x",
         b__deep__thing_dot_ply="ply\ncomment TextureFile t.png\nend_header\n", b__deep__t_dot_png="x", b__deep__other_dot_png="x",
         c_dot_urdf=URDF.format("c/seen.stl", "c/hull.stl"), c__seen_dot_stl="x", c__hull_dot_stl="x",
@@ -42,8 +42,8 @@ def test_objects_are_files_folders_and_urdfs(tmp_path: Path) -> None:
         "c": ["c.urdf", "c.urdf.parts.json", "c/seen.stl"], "d": ["d e.bin", "d.gltf"]}
 
 
-def test_two_meshes_of_one_name_are_refused_alone(tmp_path: Path) -> None:
-    """A file and a folder, or two meshes in a folder; the other objects are used."""
+def test_name_collisions_reject_one_object(tmp_path: Path) -> None:
+    """Check a file and a folder, and two meshes in a folder; other objects are used."""
     put(tmp_path, a_dot_obj="", a__x_dot_stl="", b__x_dot_stl="", b__y_dot_ply="", c_dot_stl="")
     meshes = discover(tmp_path, file_digest)
     assert [tree.name for tree in meshes.objects] == ["c"] and [refused.name for refused in meshes.refused] == ["a", "b"]
@@ -51,16 +51,16 @@ def test_two_meshes_of_one_name_are_refused_alone(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("content", ["mtllib ../outside.mtl\n", "mtllib /etc/passwd\n"])
-def test_references_out_of_the_folder_are_refused(content: str, tmp_path: Path) -> None:
-    """The object fails alone, with a reason; nothing outside is read."""
+def test_references_outside_the_folder_are_refused(content: str, tmp_path: Path) -> None:
+    """Check that the object is rejected with a reason, and that no outside file is read."""
     put(tmp_path / "in", a_dot_obj=content, c_dot_stl="")
     meshes = discover(tmp_path / "in", file_digest)
     assert [tree.name for tree in meshes.objects] == ["c"]
     assert "references to files inside the source folder" in meshes.refused[0].reason
 
 
-def test_links_out_of_the_folder_are_refused(tmp_path: Path) -> None:
-    """A link as a mesh, and one that a mesh refers to."""
+def test_links_outside_the_folder_are_refused(tmp_path: Path) -> None:
+    """Check a link as a mesh, and one that a mesh refers to."""
     put(tmp_path, outside_dot_mtl="", outside_dot_stl="", in__a_dot_obj="mtllib a.mtl\n")
     (tmp_path / "in" / "a.mtl").symlink_to(tmp_path / "outside.mtl")
     (tmp_path / "in" / "b.stl").symlink_to(tmp_path / "outside.stl")
@@ -69,8 +69,8 @@ def test_links_out_of_the_folder_are_refused(tmp_path: Path) -> None:
     assert [refused.name for refused in meshes.refused] == ["a", "b"]
 
 
-def test_a_folder_without_meshes_says_so(tmp_path: Path) -> None:
-    """And so does what is no folder."""
+def test_folder_without_meshes_is_refused(tmp_path: Path) -> None:
+    """Check an empty folder and a file."""
     put(tmp_path, note_dot_txt="x")
     for root in (tmp_path, tmp_path / "note.txt", tmp_path / "nothing"):
         with pytest.raises(SourceError, match="expected a"):
@@ -78,8 +78,8 @@ def test_a_folder_without_meshes_says_so(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not SCANS.is_dir(), reason="the scanned objects are not here")
-def test_the_scans_are_ten_objects() -> None:
-    """Hulls are left out; every tree is a URDF, a mesh, its materials and its image."""
+def test_scans_are_ten_objects() -> None:
+    """Check that hulls are left out and every tree has a URDF, a mesh, its materials and its image."""
     meshes = discover(SCANS, file_digest)
     assert len(meshes.objects) == 10 and not meshes.refused
     assert [file.name for file in meshes.objects[3].files] == [

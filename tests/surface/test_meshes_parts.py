@@ -1,4 +1,4 @@
-"""Laws of part labels: they are read strictly and survive every repair."""
+"""Part labels: strict parsing, and survival of every repair."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tests.helpers.mesh_files import box, mended, write_labels, write_obj
 
 
 def wrong(found: ReadMesh, low: str, high: str) -> float:
-    """Share of the area whose part is not the one that its height says."""
+    """Return the share of the area whose label contradicts its height."""
     mesh, parts = found.mesh, found.parts
     tri = mesh.vertices[mesh.faces].astype(float)
     area = np.linalg.norm(np.cross(tri[:, 1] - tri[:, 0], tri[:, 2] - tri[:, 0]), axis=1)
@@ -24,14 +24,14 @@ def wrong(found: ReadMesh, low: str, high: str) -> float:
 
 
 def by_end(solid: trimesh.Trimesh) -> trimesh.Trimesh:
-    """The solid with the faces of its -y half first."""
+    """Sort the faces so that the -y half comes first."""
     order = np.argsort(solid.triangles_center[:, 1] >= 0, kind="stable")
     return trimesh.Trimesh(solid.vertices, solid.faces[order], process=False)
 
 
 @pytest.mark.parametrize("kind", ["obj", "ply", "stl", "glb"])
-def test_ranges_name_the_faces_of_the_file(kind: str, tmp_path: Path) -> None:
-    """In every format, the order is that of the file."""
+def test_ranges_count_faces_of_the_file(kind: str, tmp_path: Path) -> None:
+    """Check the order of the file in every format."""
     solid = by_end(box(3))
     half = int((solid.triangles_center[:, 1] < 0).sum())
     if kind == "obj":
@@ -46,7 +46,7 @@ def test_ranges_name_the_faces_of_the_file(kind: str, tmp_path: Path) -> None:
 
 
 def test_labels_survive_every_repair(tmp_path: Path) -> None:
-    """Merged, turned, without dust and doubles, holes filled: parts are where they were."""
+    """Check merging, flipping, dropped faces and filled holes."""
     solid = by_end(box(3))
     half = int((solid.triangles_center[:, 1] < 0).sum())
     soup, faces = solid.triangles.reshape(-1, 3), np.arange(3 * len(solid.faces)).reshape(-1, 3)
@@ -63,7 +63,7 @@ def test_labels_survive_every_repair(tmp_path: Path) -> None:
 
 
 def test_labels_survive_simplifying(tmp_path: Path) -> None:
-    """A face of the simplified mesh has the part of the nearest face."""
+    """Check that a simplified face has the label of the nearest face."""
     ball = by_end(trimesh.creation.icosphere(5, 0.1))
     half = int((ball.triangles_center[:, 1] < 0).sum())
     ball.export(tmp_path / "ball.stl")
@@ -73,7 +73,7 @@ def test_labels_survive_simplifying(tmp_path: Path) -> None:
 
 
 def test_groups_of_obj_and_nodes_of_glb(tmp_path: Path) -> None:
-    """Groups are named; faces of none are nobody's."""
+    """Check named groups; other faces have no label."""
     solid = by_end(box())
     half = int((solid.triangles_center[:, 1] < 0).sum())
     write_obj(tmp_path / "a.obj", solid.vertices, solid.faces, None, "", {0: "g grip of it", half: "o blade", half + 4: "g rest"})
@@ -91,8 +91,8 @@ def test_groups_of_obj_and_nodes_of_glb(tmp_path: Path) -> None:
     assert np.array_equal(found.parts.part == found.parts.names.index("blade"), high)
 
 
-def test_polygons_carry_their_label_to_all_their_triangles(tmp_path: Path) -> None:
-    """Ranges count faces of the file, not triangles."""
+def test_triangles_inherit_the_label_of_their_polygon(tmp_path: Path) -> None:
+    """Check that ranges count faces of the file, not triangles."""
     (tmp_path / "thing.obj").write_text("v 0 0 0\nv .1 0 0\nv .1 .1 0\nv 0 .1 0\nv .05 .05 .1\nf 4 3 2 1\nf 1 2 5\nf 2 3 5\n"
                                         "f 3 4 5\nf 4 1 5\n")
     write_labels(tmp_path / "thing.obj", parts={"floor": [[0, 1]], "roof": [[1, 5]]})
@@ -117,7 +117,7 @@ BAD = {
 
 @pytest.mark.parametrize("name", BAD)
 def test_labels_are_read_strictly(name: str, tmp_path: Path) -> None:
-    """One sentence with file, part, expected and got."""
+    """Check one sentence with file, part, expected and got."""
     fields, sentence = BAD[name]
     solid = box()
     write_obj(tmp_path / "thing.obj", solid.vertices, solid.faces)
@@ -128,7 +128,7 @@ def test_labels_are_read_strictly(name: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("content", ['{"version": 2, "parts": {"a": [[0, 1]]}}', '{"version": true}', "[1]", '{"version": NaN}'])
 def test_versions_and_json_are_checked(content: str, tmp_path: Path) -> None:
-    """Only version 1, only an object, only standard JSON."""
+    """Check for version 1, an object, and standard JSON."""
     solid = box()
     write_obj(tmp_path / "thing.obj", solid.vertices, solid.faces)
     (tmp_path / "thing.obj.parts.json").write_text(content)
@@ -140,5 +140,5 @@ def test_versions_and_json_are_checked(content: str, tmp_path: Path) -> None:
     ("025_mug", "mug"), ("phillipsScrewdriver", "screwdriver"), ("kettle_brush", "brush"), ("soldering-iron2", "soldering iron"),
     ("penknife", ""), ("iron", "iron"), ("", "")])
 def test_categories_are_words_of_the_name(name: str, wanted: str) -> None:
-    """Whole words; the last one counts, the longest of those."""
+    """Check whole words; the last one counts, and the longest of those."""
     assert category_of(name, ("mug", "knife", "iron", "soldering iron", "screwdriver", "kettle", "brush")) == wanted

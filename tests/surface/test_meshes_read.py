@@ -1,4 +1,4 @@
-"""Laws of the mesh readers: every format gives the same surface and the same colours; what cannot be read says why."""
+"""Mesh readers: every format gives the same surface and colours; unreadable files give the reason."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ URDF = """<robot name="thing"><link name="base"/><link name="tip"><visual><origi
 
 
 def write(folder: Path, kind: str) -> None:
-    """The box as a file of a kind; the URDF puts a box in millimetres back where it was by two turns."""
+    """Write the box in a format; the URDF moves a box in millimetres back by two rotations."""
     solid = box()
     if kind == "obj":
         write_obj(folder / "thing.obj", solid.vertices, solid.faces)
@@ -43,8 +43,8 @@ def write(folder: Path, kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", ["obj", "ply", "stl", "glb", "gltf", "urdf"])
-def test_every_format_gives_the_same_surface(kind: str, tmp_path: Path) -> None:
-    """The box, closed, in metres, with its size and place."""
+def test_formats_give_the_same_surface(kind: str, tmp_path: Path) -> None:
+    """Check the closed box in metres, with size and position."""
     if kind == "gltf":
         for name, data in trimesh.exchange.gltf.export_gltf(trimesh.Scene(box())).items():
             (tmp_path / name.replace("model", "thing")).write_bytes(data)
@@ -59,14 +59,14 @@ def test_every_format_gives_the_same_surface(kind: str, tmp_path: Path) -> None:
 
 
 def colour_of(mesh: ObjectMesh, points: np.ndarray) -> np.ndarray:
-    """(n, 3) colours of a mesh at the nearest places to points."""
+    """Return colours (n, 3) of a mesh at the points nearest to the given ones."""
     face, bary, away = NearestSurface(mesh.vertices, mesh.faces)(points)
     assert away.max() < 1e-5
     return sample_texture(mesh.texture, np.einsum("nk,nkc->nc", bary, mesh.uv[face])).astype(int)
 
 
 def differs(found: ReadMesh, image: np.ndarray, uv: np.ndarray, solid: trimesh.Trimesh) -> int:
-    """Largest difference between the texture of a mesh and that of its file, at random places."""
+    """Return the largest difference to the texture of the file, at random points."""
     face, bary, points = places(solid.vertices, solid.faces)
     wanted = sample_texture(image, np.einsum("nk,nkc->nc", bary, uv[face])).astype(int)
     top = np.abs(points[:, 2]) > SIZE_M[2] / 2 - 1e-9
@@ -74,8 +74,8 @@ def differs(found: ReadMesh, image: np.ndarray, uv: np.ndarray, solid: trimesh.T
 
 
 @pytest.mark.parametrize("side", [64, 60, 1024])
-def test_the_texture_is_that_of_the_file(side: int, tmp_path: Path) -> None:
-    """As it is when its sides are powers of two; packed without touching a texel otherwise; halved when too large."""
+def test_texture_equals_that_of_the_file(side: int, tmp_path: Path) -> None:
+    """Check unchanged images, images packed without a changed texel, and halved images."""
     solid, image = box(), checks(side)
     uv = planar_uv(solid.vertices, solid.faces)
     write_image(tmp_path / "look.png", image)
@@ -89,7 +89,7 @@ def test_the_texture_is_that_of_the_file(side: int, tmp_path: Path) -> None:
 
 
 def test_materials_become_one_texture(tmp_path: Path) -> None:
-    """An image that repeats, an image and a plain colour, each on its own faces."""
+    """Check a repeated image, an image and a plain colour."""
     solid, image = box(), checks()
     uv = planar_uv(solid.vertices, solid.faces)
     third = len(solid.faces) // 3
@@ -109,7 +109,7 @@ def test_materials_become_one_texture(tmp_path: Path) -> None:
 
 
 def test_colours_of_vertices_and_faces_are_kept(tmp_path: Path) -> None:
-    """Vertex colours are painted, face colours become a palette."""
+    """Check baked vertex colours, and face colours as a palette."""
     solid = box(3)
     ramp = np.clip((solid.vertices / SIZE_M + 0.5) * 255, 0, 255).astype(np.uint8)
     trimesh.Trimesh(solid.vertices, solid.faces, vertex_colors=ramp, process=False).export(tmp_path / "v.ply")
@@ -123,7 +123,7 @@ def test_colours_of_vertices_and_faces_are_kept(tmp_path: Path) -> None:
 
 
 def test_glb_nodes_images_and_factors_are_kept(tmp_path: Path) -> None:
-    """Two nodes with poses, one with an image, one with a linear colour."""
+    """Check two nodes with poses, an image and a linear colour."""
     solid, image = box(), checks()
     uv = np.zeros((len(solid.vertices), 2))
     uv[solid.faces.reshape(-1)] = planar_uv(solid.vertices, solid.faces).reshape(-1, 2)
@@ -146,20 +146,20 @@ def test_glb_nodes_images_and_factors_are_kept(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("size", "unit", "stated", "wanted"), [
     (0.2, "auto", "", "m"), (300.0, "auto", "", "mm"), (1.5, "auto", "", "m"), (12.0, "inch", "", "inch"), (0.2, "auto", "m", "m")])
-def test_units_are_decided_by_size(size: float, unit: str, stated: str, wanted: str) -> None:
-    """What somebody says counts first."""
+def test_units_are_inferred_from_size(size: float, unit: str, stated: str, wanted: str) -> None:
+    """Check that the user's choice takes precedence."""
     assert infer_unit(size, unit, stated, "a.obj") == wanted
 
 
 @pytest.mark.parametrize(("size", "stated"), [(5e-3, ""), (5e4, ""), (30.0, ""), (180.0, "m")])
-def test_units_that_fit_nothing_or_several_are_refused(size: float, stated: str) -> None:
-    """The sentence names the file, what fits and what to say."""
+def test_ambiguous_units_are_refused(size: float, stated: str) -> None:
+    """Check that the error names file, fitting units and setting."""
     with pytest.raises(SourceError, match=r"a\.obj: expected a diagonal of .* got .*; say which with unit = "):
         infer_unit(size, "auto", stated, "a.obj")
 
 
-def test_millimetres_and_metres_are_the_same_thing(tmp_path: Path) -> None:
-    """A box in millimetres reads to the box in metres."""
+def test_millimetres_and_metres_agree(tmp_path: Path) -> None:
+    """Check a box in millimetres against the box in metres."""
     solid = box()
     write_obj(tmp_path / "a.obj", solid.vertices, solid.faces)
     write_obj(tmp_path / "b.obj", solid.vertices * 1000, solid.faces)
@@ -168,8 +168,8 @@ def test_millimetres_and_metres_are_the_same_thing(tmp_path: Path) -> None:
     assert b.report.decided == "its size"
 
 
-def test_polygons_and_backward_indices_are_read(tmp_path: Path) -> None:
-    """A square and its five triangles of a tetrahedron-like roof."""
+def test_polygons_and_relative_indices(tmp_path: Path) -> None:
+    """Check a square and a roof of five triangles."""
     (tmp_path / "thing.obj").write_text("v 0 0 0\nv .1 0 0\nv .1 .1 0\nv 0 .1 0\nv .05 .05 .1\nf 4 3 2 1\nf -5 -4 -1\nf 2 3 5\n"
                                         "f 3 4 5\nf 4 1 5\n")
     found = mended(tmp_path)
@@ -181,7 +181,7 @@ PLY = ("ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty floa
 SOLID = ("solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n"
          "endsolid a\n")
 BROKEN = {
-    "no_faces.obj": ("v 0 0 0\n", "triangles, got none"),
+    "no_faces.obj": ("v 0 0 0\n", "triangles, got an empty mesh"),
     "range.obj": ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n", r"range\.obj, line 4: expected v indices 1\.\.3, got 4"),
     "words.obj": ("v 0 0 zero\n", "v lines with 3 numbers"),
     "nan.obj": ("v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "finite vertices, got 1 with NaN"),
@@ -195,14 +195,14 @@ BROKEN = {
     "old.gltf": (json.dumps({"asset": {"version": "1.0"}}), r"expected glTF 2\.x"),
     "squeezed.gltf": (json.dumps({"asset": {"version": "2.0"}, "extensionsRequired": ["KHR_draco_mesh_compression"]}),
                       "got KHR_draco_mesh_compression"),
-    "empty.gltf": (json.dumps({"asset": {"version": "2.0"}}), "expected triangles, got none"),
+    "empty.gltf": (json.dumps({"asset": {"version": "2.0"}}), "expected triangles, got an empty scene"),
     "listed.gltf": (json.dumps({"asset": [{"version": "2.0"}]}), r"expected glTF 2\.x"),
     "twice.gltf": (json.dumps({"asset": {"version": "2.0"}, "scenes": [{"nodes": [0]}],
                                "nodes": [{"children": [1, 1]}, {"name": "k"}]}),
                    "expected nodes that form a tree, got node 'k' in two places"),
     "circle.gltf": (json.dumps({"asset": {"version": "2.0"}, "scenes": [{"nodes": [0]}], "nodes": [{"children": [0]}]}),
                     "expected nodes that form a tree, got node 0 in two places"),
-    "short.stl": ("a" * 80 + "\0\0\0\1" + "b" * 50, r"short\.stl: expected one solid with triangles, got none"),
+    "short.stl": ("a" * 80 + "\0\0\0\1" + "b" * 50, r"short\.stl: expected one solid with triangles, got no triangle"),
     "solids.stl": (SOLID * 2,
                    r"solids\.stl: expected one solid with triangles, got 2 of them"),
     "beyond.ply": (PLY.format("property uchar red\nproperty uchar green\nproperty uchar blue\n", "0 0 0 1 2 3\n" * 3, "0 1 9"),
@@ -217,16 +217,16 @@ BROKEN = {
 
 
 @pytest.mark.parametrize("name", BROKEN)
-def test_broken_files_say_what_is_wrong(name: str, tmp_path: Path) -> None:
-    """One sentence with file, expected and got."""
+def test_broken_files_are_refused(name: str, tmp_path: Path) -> None:
+    """Check one sentence with file, expected and got."""
     content, sentence = BROKEN[name]
     (tmp_path / name).write_text(content)
     with pytest.raises(SourceError, match=sentence):
         mended(tmp_path)
 
 
-def test_nodes_without_a_scene_stand_once_where_their_parents_put_them(tmp_path: Path) -> None:
-    """Only those that no other node carries are roots."""
+def test_nodes_without_a_scene_are_placed_once(tmp_path: Path) -> None:
+    """Check that only nodes without a parent are roots."""
     path = write_gltf(tmp_path)
     document = json.loads(path.read_text())
     whole = mended(tmp_path)
@@ -234,8 +234,8 @@ def test_nodes_without_a_scene_stand_once_where_their_parents_put_them(tmp_path:
     assert np.array_equal(mended(tmp_path).mesh.vertices, whole.mesh.vertices)
 
 
-def test_vertex_colours_stay_with_their_vertices_beside_unused_texture_coordinates(tmp_path: Path) -> None:
-    """Of a PLY with s and t but no image, whose first vertex is in no face."""
+def test_vertex_colours_with_unused_texture_coordinates(tmp_path: Path) -> None:
+    """Check a PLY with s and t but no image, whose first vertex is unused."""
     places = np.array([[9.0, 9, 9], [0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]])
     rows = "".join(f"{x} {y} {z} 0.{k} 0.5 {50 * k} 9 9\n" for k, (x, y, z) in enumerate(places))
     head = "property float s\nproperty float t\nproperty uchar red\nproperty uchar green\nproperty uchar blue\n"
@@ -245,8 +245,8 @@ def test_vertex_colours_stay_with_their_vertices_beside_unused_texture_coordinat
         assert colour[0] == 50 * int(np.abs(places - place).sum(axis=1).argmin())
 
 
-def test_of_two_libraries_the_one_named_last_counts(tmp_path: Path) -> None:
-    """Also when one is named twice."""
+def test_last_material_library_counts(tmp_path: Path) -> None:
+    """Check two libraries, and one that is named twice."""
     for name, red in (("a", 0), ("b", 1)):
         (tmp_path / f"{name}.mtl").write_text(f"newmtl m\nKd {red} 0 0\n")
     solid = box()
@@ -255,15 +255,15 @@ def test_of_two_libraries_the_one_named_last_counts(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("factor", [[1, 0.5, 0.25, 1], [0, 0, 0, 1]])
-def test_a_base_colour_multiplies_the_linear_image(factor: list[float]) -> None:
-    """The table of 256 values gives what the formula gives for every texel."""
+def test_base_colour_multiplies_the_linear_image(factor: list[float]) -> None:
+    """Check the table of 256 values against the formula."""
     image = np.arange(3 * 256, dtype=np.uint32).reshape(16, 16, 3).astype(np.uint8)
     assert np.array_equal(_tinted(image, np.array(factor[:3])), srgb(linear(image) * factor[:3]))
 
 
 @pytest.mark.parametrize("reference", ["../x.png", "a/../../x.png", "/etc/x.png", "http://x.org/x.png", "C:\\x.png"])
 def test_references_never_leave_the_source(reference: str) -> None:
-    """Upwards, absolute or over the network: refused."""
+    """Check parent folders, absolute paths and URLs."""
     with pytest.raises(SourceError, match="references to files inside the source folder"):
         resolve_reference("thing.obj", reference)
     assert resolve_reference("meshes/thing.obj", "../look/x.png") == "look/x.png"
@@ -272,7 +272,7 @@ def test_references_never_leave_the_source(reference: str) -> None:
 @pytest.mark.skipif(not SCANS.is_dir(), reason="the scanned objects are not here")
 @pytest.mark.parametrize("name", ["knife", "power_drill"])
 def test_scans_pass_with_their_texture(name: str) -> None:
-    """Same texels, same surface, and the place that the URDF says."""
+    """Check equal texels, surface, and the pose of the URDF."""
     found = mended(SCANS, name, texture_px=2048)
     from afford.surface.meshes.surface import decode_picture
     raw = decode_picture((SCANS / name / "texture_map.png").read_bytes(), name)

@@ -1,4 +1,4 @@
-"""The target from end to end: a folder of meshes in, what a hand must not touch out; labelled ones are scored, unknown ones not."""
+"""Target negative-affordance end to end: a folder of meshes, of which labelled ones are scored."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from pathlib import Path
 import pytest
 import trimesh
 
-from afford.common.worker import use_kernel_cache
 from commands.errors import UsageError
 from commands.origin import origin
 from pipeline import build
 from runner import Runner
+from tests.helpers.kernels import share_kernels
 from tests.helpers.made_objects import SMALL, looked
 
 ROOT = Path(__file__).resolve().parents[2]
 
 
 def labelled(folder: Path) -> None:
-    """A screwdriver as a file, its faces sorted by part, and the label file beside it; and a ball that nobody knows."""
+    """Write a screwdriver with a label file, its faces sorted by part, and a ball without labels."""
     x = looked()
     order = x.parts.part.argsort(kind="stable")
     trimesh.Trimesh(x.mesh.vertices, x.mesh.faces[order], process=False).export(folder / "driver.stl")
@@ -29,13 +29,13 @@ def labelled(folder: Path) -> None:
     trimesh.creation.icosphere(3, 0.05).export(folder / "thing.ply")
 
 
-def test_a_folder_of_meshes(tmp_path: Path) -> None:
-    """The labelled one has scores, the unknown one none and nothing negative; again, nothing runs."""
+def test_folder_of_meshes(tmp_path: Path) -> None:
+    """Check scores of the labelled object, none of the unknown one, and a second run without work."""
     meshes, store = tmp_path / "meshes", tmp_path / "store"
     meshes.mkdir()
     labelled(meshes)
-    use_kernel_cache(ROOT, store)
-    runner = Runner(store, ROOT, "afford.codecs:CODEC", "afford.common.worker:prepare")
+    share_kernels(tmp_path)
+    runner = Runner(store, ROOT, "afford.codecs:CODEC", "afford.common.worker:prepare", jobs=0)
     place, source = origin("negative-affordance", meshes, SMALL, lambda path: runner.hash_file(path)[0])
     assert [tree.name for tree in place.meshes] == ["driver", "thing"] and source is not None and source.kind == "meshes"
     report = runner.run(build("negative-affordance", place, SMALL), "negative-affordance")
@@ -51,7 +51,7 @@ def test_a_folder_of_meshes(tmp_path: Path) -> None:
     assert not runner.run(build("negative-affordance", place, SMALL), "negative-affordance").ran
 
 
-def test_what_is_no_folder_of_meshes_is_refused(tmp_path: Path) -> None:
-    """In one sentence that names it."""
+def test_folder_without_meshes_is_refused(tmp_path: Path) -> None:
+    """Check the error."""
     with pytest.raises(UsageError, match="expected a mesh"):
         origin("negative-affordance", tmp_path, SMALL, lambda path: "")

@@ -1,4 +1,4 @@
-"""From scores to the surface: with a scorer that is never wrong the negative part comes out; N_t covers it; tasks turn it round."""
+"""Stage negative_affordance_projection with a perfect scorer: the true part, N_t, and dependence on the task."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tests.helpers.made_objects import looked, projected, true_scores
 
 
 def negative_faces(category: str) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Task -> what was found and what is true."""
+    """Return predicted and true faces by task."""
     x = looked(category)
     found = projected(x)
     bad = ([n.part for n in one.notes if n.role == "negative"] for one in x.told.descriptions)
@@ -22,22 +22,22 @@ def negative_faces(category: str) -> dict[str, tuple[np.ndarray, np.ndarray]]:
 
 
 @pytest.mark.parametrize("category", ["screwdriver", "ladle"])
-def test_a_perfect_scorer_gives_the_perfect_part(category: str) -> None:
-    """IoU by visible area above 0.9 for every task."""
+def test_perfect_scorer_gives_the_true_part(category: str) -> None:
+    """Check an IoU by visible area above 0.9 for every task."""
     area = looked(category).views.visible_area
     for task, (found, truth) in negative_faces(category).items():
         assert area[found & truth].sum() / area[found | truth].sum() > 0.9, task
 
 
-def test_a_task_turns_the_negative_part_round() -> None:
-    """Of a screwdriver: shaft and tip while it is used, the handle when it is handed over."""
+def test_task_changes_the_negative_part() -> None:
+    """Check a screwdriver: shaft and tip in use, the handle when it is handed over."""
     (use, _), (give, _) = negative_faces("screwdriver").values()
     area = looked("screwdriver").views.visible_area
     assert area[use & give].sum() < 0.05 * area.sum() and area[use | give].sum() > 0.95 * area.sum()
 
 
-def test_points_and_n_t_are_those_of_the_surface() -> None:
-    """Labels agree with the faces; N_t lies on negative faces, as many as asked for, and near every negative point."""
+def test_points_and_n_t_agree_with_the_surface() -> None:
+    """Check labels of points, and number, position and coverage of N_t."""
     x, found = looked(), projected(looked())
     middle = x.mesh.vertices[x.mesh.faces].mean(1)
     size = float(np.ptp(x.mesh.vertices, axis=0).max())
@@ -49,8 +49,8 @@ def test_points_and_n_t_are_those_of_the_surface() -> None:
         assert grid.max() < np.sqrt(3) * 0.02 and np.abs(grid - distance_to_points(one.N_t, one.N_t)).max() < np.sqrt(3) * 0.02
 
 
-def test_an_unknown_thing_is_negative_nowhere() -> None:
-    """No notes: probability 0, no point, an empty N_t."""
+def test_unknown_object_has_no_negative_face() -> None:
+    """Check probability 0 and an empty N_t."""
     x = looked()
     told = replace(x.told, descriptions=(replace(x.told.descriptions[0], category="unknown", notes=()),))
     nothing = replace(true_scores(x), share=np.zeros((len(x.candidates.view), 0), np.float32),
@@ -60,7 +60,7 @@ def test_an_unknown_thing_is_negative_nowhere() -> None:
 
 
 def test_scores_of_another_object_are_refused() -> None:
-    """Shapes are named."""
+    """Check that the error names the shapes."""
     x, other = looked(), looked("ladle")
     with pytest.raises(ValueError, match="all inputs must be of one object"):
         negative_affordance_projection.run(x.mesh, x.views, x.candidates, x.told, true_scores(other),

@@ -1,4 +1,4 @@
-"""Scores by hand computation, baselines by what they must be, and the report's means."""
+"""Scores by hand computation, properties of baselines, and means of the report."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ def rows(found: NegativeScores, method: str) -> list[NegativeScore]:
     return [row for row in found.rows if row.method == method]
 
 
-def test_a_perfect_surface_has_perfect_scores_and_an_empty_one_none() -> None:
-    """By visible area; what nobody can see does not count."""
+def test_perfect_and_empty_surfaces() -> None:
+    """Check scores by visible area; hidden faces do not count."""
     x = looked()
     for row in rows(scored(x), "afford"):
         assert min(row.iou, row.precision, row.recall, row.point_recall) > 0.9
@@ -40,23 +40,23 @@ def test_a_perfect_surface_has_perfect_scores_and_an_empty_one_none() -> None:
     assert all(row.iou == row.precision == row.recall == row.point_recall == row.said == 0 for row in nothing)
 
 
-def test_the_whole_object_has_recall_one_and_the_precision_of_its_share() -> None:
-    """Shaft and tip, then the handle: precisions of the two tasks add up to 1."""
+def test_whole_object_has_recall_one() -> None:
+    """Check that the precisions of complementary tasks add up to 1."""
     use, give = rows(scored(looked()), "whole_object")
     assert use.recall == give.recall == use.said == 1 and use.iou == pytest.approx(use.precision)
     assert use.precision + give.precision == pytest.approx(1, abs=1e-6)
 
 
-def test_where_nothing_is_negative_there_is_no_score() -> None:
-    """NaN, but what was said of it is told. (A cold pan may be held anywhere.)"""
+def test_tasks_without_a_negative_part_have_no_score() -> None:
+    """Check NaN, with the predicted share kept (a cold pan may be held anywhere)."""
     x = looked("pan")
     cold = [row for row in scored(x).rows if row.task == "carry the cold pan"]
     assert len(cold) == len(METHODS) and all(np.isnan(row.iou) and np.isnan(row.point_recall) for row in cold)
     assert {row.said for row in cold if row.method not in ("whole_object", "random_candidate")} == {0.0}
 
 
-def test_the_papers_recipe_always_takes_a_mask() -> None:
-    """With true overlaps it finds much of the part; it also takes something where the view shows none of it."""
+def test_paper_recipe_always_selects_a_mask() -> None:
+    """Check true overlaps, and views without the part."""
     x = looked()
     use = x.told.descriptions[0]
     found = baselines.splat_masks(x.mesh, x.views, baselines.paper_recipe(x.candidates, use, true_scores(x)))
@@ -67,16 +67,16 @@ def test_the_papers_recipe_always_takes_a_mask() -> None:
     assert not baselines.splat_masks(x.mesh, x.views, baselines.paper_recipe(x.candidates, replace(use, notes=()), silent)).any()
 
 
-def test_a_random_candidate_is_random_by_its_seed() -> None:
-    """The same seed, the same faces."""
+def test_random_candidate_depends_on_the_seed() -> None:
+    """Check equal faces for equal seeds."""
     x = looked()
     taken = (baselines.random_candidate(x.candidates, np.random.default_rng(seed)) for seed in (1, 1, 2, 3, 4))
     a, b, *others = (baselines.splat_masks(x.mesh, x.views, masks) for masks in taken)
     assert np.array_equal(a, b) and any(not np.array_equal(a, other) for other in others)
 
 
-def test_only_methods_that_take_a_mask_in_each_view_can_take_the_whole_object() -> None:
-    """A share of views for each of them, NaN for the others."""
+def test_whole_object_measure_of_mask_methods() -> None:
+    """Check a share of views for mask methods, NaN for others."""
     found = scored(looked())
     for method in METHODS:
         shares = [row.whole_object_taken for row in rows(found, method)]
@@ -90,16 +90,16 @@ def made(name: str, split: str, look: str, *ious: float, method: str = "afford",
     return NegativeScores(name, name.partition("_")[0], split, look, 0.8, 0.99, each, picture)
 
 
-def test_means_are_of_objects_then_of_tasks() -> None:
-    """An object with many tasks counts as one; tasks without a negative part count nothing."""
+def test_means_over_objects_of_means_over_tasks() -> None:
+    """Check an object with many tasks, and tasks without a negative part."""
     found = score_report.metrics([made("mug_1", "unseen", "plain", 0.2, 0.4, NAN), made("axe_1", "unseen", "mixed", 0.9)])
     assert found["unseen.iou"] == pytest.approx((0.3 + 0.9) / 2) and found["unseen.plain.iou"] == pytest.approx(0.3)
     assert found["seen_area.six"] == pytest.approx(0.8) and found["seen_area.adaptive"] == pytest.approx(0.99)
     assert "seen.iou" not in found and not any(np.isnan(value) for value in found.values())
 
 
-def test_every_task_of_a_thing_has_its_row() -> None:
-    """Means over the objects of a kind; a task without a negative part has no IoU and is no pair."""
+def test_rows_of_tasks() -> None:
+    """Check means over objects of a category, and tasks without IoU."""
     mugs = [made("mug_1", "seen", "plain", 0.2, 0.9, NAN), made("mug_2", "seen", "mixed", 0.4, 0.7, NAN)]
     found = score_report.metrics(mugs)
     assert (found["pairs"], found["pairs_found"]) == (2, 1)
@@ -108,8 +108,8 @@ def test_every_task_of_a_thing_has_its_row() -> None:
     assert "| mug: task 2 | seen |  |  |  | 0.500 |" in text and "1 of 2 pairs" in text
 
 
-def test_how_often_the_whole_was_taken_is_a_mean_of_objects_too() -> None:
-    """Over all of them and by split, also where no truth is known; those that took nothing do not count."""
+def test_whole_object_measure_is_averaged_over_objects() -> None:
+    """Check means by split and in total, without truth, and without masks."""
     boxed = [made("mug_1", "unseen", "plain", 0.2, NAN, method="coarse_box", taken=0.5),
              made("axe_1", "given", "given", NAN, method="coarse_box", taken=1.0),
              made("pan_1", "given", "given", NAN, method="coarse_box")]  # fmt: skip
@@ -119,8 +119,8 @@ def test_how_often_the_whole_was_taken_is_a_mean_of_objects_too() -> None:
     assert "| coarse box | unseen | 0.200 | 0.200 | 0.200 | 0.200 | 0.500 |" in score_report.markdown(boxed, found)
 
 
-def test_the_report_is_files(tmp_path) -> None:  # type: ignore[no-untyped-def]
-    """Numbers, tables and a sheet with one row of each category and split."""
+def test_report_files(tmp_path) -> None:  # type: ignore[no-untyped-def]
+    """Check metrics, tables, and a sheet with one row for each category and split."""
     scores = (made("mug_1", "seen", "plain", 0.5), made("mug_2", "seen", "mixed", 0.7), made("axe_1", "unseen", "mixed", 0.9))
     found = negative_affordance_report.run(scores, negative_affordance_report.Params(), Scratch(tmp_path))
     assert [file.name for file in found.files] == ["metrics.json", "report.md", "sheet.jpg"]
@@ -132,8 +132,8 @@ def test_the_report_is_files(tmp_path) -> None:  # type: ignore[no-untyped-def]
         negative_affordance_report.run((), negative_affordance_report.Params(), Scratch(tmp_path))
 
 
-def test_a_row_of_pictures_is_red_where_it_is_negative() -> None:
-    """Seven tiles; red outweighs green on the shaft, not on the handle."""
+def test_sheet_row_is_red_on_negative_faces() -> None:
+    """Check seven tiles: red on the shaft, green on the handle."""
     x = looked()
     picture = cv2.imdecode(scored(x).picture, cv2.IMREAD_COLOR)[..., ::-1].astype(int)
     assert picture.shape == (168, 7 * 168, 3)

@@ -1,4 +1,4 @@
-"""The stage through the runner: a description by a server from end to end, asked for once, and its key nowhere on disk."""
+"""Stage part_describe through the runner: one request per prompt, and no key in any file."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import pytest
 import zstandard
 from mcap.reader import make_reader
 
-from afford.common.worker import use_kernel_cache
 from afford.surface.score import Clip
 from maps.settings import Settings
 from runner import Graph, Runner, RunReport
@@ -17,18 +16,19 @@ from schemas.files import FileTree
 from stages.recording import object_record
 from stages.surface import mask_score, negative_affordance_files, negative_affordance_projection, part_describe
 from tests.helpers.chat_server import GOOD, KEY, VARIABLE, Answer, params, plant, says, serving
+from tests.helpers.kernels import share_kernels
 from tests.helpers.made_objects import looked
 from tests.helpers.tiny_models import save_backbones
 
 ROOT = Path(__file__).resolve().parents[2]
 WORD = b"narwhal"
-"""of the good answer: found wherever a key would be found"""
+"""word of the good answer, to be found in every place where a key could be"""
 ECHO = {"error": {"message": f"bad key {KEY}"}}
 MCAP = b"\x89MCAP"
 
 
 def whole(chosen: part_describe.Params, models: Path) -> Graph:
-    """From an object's views to its files and its recording."""
+    """Build the graph from views to files and recording."""
     g, x, p = Graph(), looked(), Settings()
     mesh, views, found = g.leaf("mesh", x.mesh), g.leaf("views", x.views), g.leaf("candidates", x.candidates)
     told = g.add(part_describe.run, mesh=mesh, views=views, params=chosen)
@@ -51,7 +51,7 @@ def made(store: Path, graph: Graph, target: str, jobs: int) -> RunReport:
 
 
 def texts(folder: Path) -> dict[str, bytes]:
-    """Every file, with what is packed inside: chunks of recordings, frames of zstd."""
+    """Read every file, with packed contents: chunks of recordings, frames of zstd."""
     return {str(path.relative_to(folder)): path.read_bytes() + b"".join(unpacked(path))
             for path in sorted(folder.rglob("*")) if path.is_file()}  # fmt: skip
 
@@ -72,26 +72,26 @@ def unpacked(path: Path) -> list[bytes]:
 
 
 def forms(secret: str) -> list[bytes]:
-    """How it might be spelled."""
+    """Return possible encodings of a secret."""
     words = [secret, f"Bearer {secret}", secret.replace("/", r"\/")]
     return [form for word in words for form in (word.encode(), base64.b64encode(word.encode()), word.encode("utf-16-le"))]
 
 
 def leaks(store: Path, *more: object) -> list[str]:
-    """Files of the store that hold the key, and what else was said that does."""
+    """Return the files of the store, and the other texts, that contain the key."""
     everything = texts(store) | {f"more {n}": repr(value).encode() for n, value in enumerate(more)}
     return [name for name, data in everything.items() if any(form in data for form in forms(KEY))]
 
 
 @pytest.fixture
 def models(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A tiny CLIP; the key is in the environment."""
+    """Save a tiny CLIP; put the key into the environment."""
     plant(monkeypatch)
     return save_backbones(tmp_path / "models")
 
 
-def test_an_answer_is_asked_for_once(models: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What was answered is in the store: a second run asks nobody, and needs no key."""
+def test_answer_is_requested_once(models: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Check that a cached answer needs neither server nor key."""
     with serving(lambda _: says(GOOD)) as server:
         graph = whole(params(server, tasks=("drive a screw", "hand over the screwdriver")), models)
         assert made(tmp_path / "store", graph, "words", jobs=0).ran == {"part_describe": 1}
@@ -104,10 +104,8 @@ def test_an_answer_is_asked_for_once(models: Path, tmp_path: Path, monkeypatch: 
 
 @pytest.mark.parametrize("answer", [Answer(401, ECHO, (("X-Key", KEY),)), Answer(500, ECHO), Answer(200, raw=KEY.encode()),
                                     says(KEY)])  # fmt: skip
-def test_a_failure_tells_no_key(answer: Answer, models: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    """Not in what is kept of it (the sentence, the traceback), nor in what is printed; the object fails alone, and is asked for
-    again by the next run.
-    """
+def test_failure_hides_the_key(answer: Answer, models: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """Check the stored failure, the traceback and the output; the next run sends the request again."""
     with serving(lambda _: answer) as server:
         graph = whole(params(server, retries=0), models)
         reports = [made(tmp_path / "store", graph, "words", jobs=0) for _ in range(2)]
@@ -117,12 +115,13 @@ def test_a_failure_tells_no_key(answer: Answer, models: Path, tmp_path: Path, ca
     assert not leaks(tmp_path / "store", reports, capfd.readouterr())
 
 
-def test_the_key_is_nowhere(models: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    """From end to end in worker processes: not in the store, the traces, the files of the object, its recording, the report or what
-    was printed, after an answer and after a refusal. A word of the answer is found in the recording, so that a key would be.
+def test_key_is_in_no_file(models: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """Check store, traces, files, recording, report and output of worker processes.
+
+    A word of the answer is found in the recording, so that a key would be found as well. Both an answer and a refusal are tested.
     """
     store = tmp_path / "store"
-    use_kernel_cache(ROOT, store)
+    share_kernels(tmp_path)
     with serving(lambda _: says(GOOD)) as server:
         good = made(store, whole(params(server), models), "all", jobs=1)
     with serving(lambda _: Answer(401, ECHO, (("X-Key", KEY),))) as refusing:

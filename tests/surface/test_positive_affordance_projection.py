@@ -1,4 +1,4 @@
-"""From what a model says of views to the surface: a perfect model gives the part, silence gives nothing, the stage runs a model."""
+"""Stage positive_affordance_projection: a perfect model gives the part, an unused hand gives nothing."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ RIGHT = np.array([False, True])
 
 
 def says(part: str, hands: np.ndarray = RIGHT) -> list[Prediction]:
-    """A model that is never wrong, of every view: the second of two hypotheses of both hands is a part, and it knows that."""
+    """Predict perfectly: the second of two hypotheses of both hands is the part, and has the best score."""
     x = looked()
     shown = np.append(x.parts.part, -1)[x.views.face] == x.parts.names.index(part)
     region = np.stack([np.zeros_like(shown), shown]).astype(np.float32)
@@ -32,8 +32,8 @@ def says(part: str, hands: np.ndarray = RIGHT) -> list[Prediction]:
     return [Prediction("use", np.stack([region[:, n]] * 2), score, taxonomy, hands, 0.5) for n in range(len(shown))]
 
 
-def test_a_perfect_model_gives_the_part() -> None:
-    """IoU by visible area above 0.9; the points lie on it and cover it."""
+def test_perfect_model_gives_the_part() -> None:
+    """Check an IoU by visible area above 0.9, and coverage by the points."""
     x = looked()
     found = project(x.mesh, x.views, "use", says("handle"), WISH)
     truth, area = x.parts.part == x.parts.names.index("handle"), x.views.visible_area
@@ -45,8 +45,8 @@ def test_a_perfect_model_gives_the_part() -> None:
     assert found.taxonomy.argmax() == 1
 
 
-def test_only_hands_that_are_returned_count() -> None:
-    """A right hand alone leaves the left one empty; none at all leaves everything empty."""
+def test_unused_hands_are_empty() -> None:
+    """Check a right hand alone, and no hand."""
     x = looked()
     found = project(x.mesh, x.views, "use", says("handle"), WISH)
     assert not found.hand[0].any() and np.array_equal(found.hand[1], found.probability)
@@ -65,8 +65,8 @@ def model(tmp_path_factory: pytest.TempPathFactory) -> FileTree:
     return tree("tiny", write_model(tmp_path_factory.mktemp("model") / "small"))
 
 
-def test_the_stage_asks_a_model(model: FileTree, tmp_path: Path) -> None:
-    """A random model says something everywhere: one answer for each task, probabilities, and the same again."""
+def test_stage_runs_a_model(model: FileTree, tmp_path: Path) -> None:
+    """Check one result for each task, probabilities, and determinism."""
     x = looked()
     params = positive_affordance_projection.Params(points=20, hands="both", mirror=False)
     found, again = (positive_affordance_projection.run(x.mesh, x.views, x.told, model, params, Scratch(tmp_path / name))
@@ -84,8 +84,8 @@ def test_views_of_another_object_are_refused(model: FileTree, tmp_path: Path) ->
         positive_affordance_projection.run(x.mesh, other, x.told, model, positive_affordance_projection.Params(), Scratch(tmp_path))
 
 
-@pytest.mark.parametrize(("task", "category", "said"), [
+@pytest.mark.parametrize(("task", "category", "narration"), [
     ("cut bread", "knife", "cut bread with knife"), ("hand over the knife", "knife", "hand over the knife"),
     ("", "hair_dryer", "use hair dryer"), ("stir", "", "stir"), ("", "", "use")])  # fmt: skip
-def test_tasks_in_words(task: str, category: str, said: str) -> None:
-    assert as_narration(task, category) == said
+def test_tasks_as_narrations(task: str, category: str, narration: str) -> None:
+    assert as_narration(task, category) == narration

@@ -1,4 +1,4 @@
-"""The stage: pictures from all sides that agree with what was planned."""
+"""Stage view_render: views agree with their plan."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from tests.helpers.made_meshes import as_object, cup, shell
 SMALL = view_render.Params(size_px=64, directions=128, most=12)
 
 
-def test_views_tell_what_was_seen() -> None:
-    """Six names come first; every visible face that a view saw well is in a face map; the share is reached or said."""
+def test_views_report_their_coverage() -> None:
+    """Check six names first, visible faces in the face maps, and the reached share."""
     thing = as_object(cup())
     views = view_render.run(thing, replace(SMALL, size_px=160))
     assert views.views[:6] == ("front", "back", "left", "right", "top", "bottom") and views.views[6] == "added_1"
@@ -23,8 +23,8 @@ def test_views_tell_what_was_seen() -> None:
     assert views.visible_area[shown].sum() / views.visible_area.sum() > 0.98
 
 
-def test_what_is_inside_has_no_visible_area() -> None:
-    """And is in no picture."""
+def test_inner_faces_have_no_visible_area() -> None:
+    """Check an inner ball, which is in no view."""
     made = shell()
     views = view_render.run(as_object(made), SMALL)
     inner = np.linalg.norm(made.triangles_center, axis=1) < 0.07
@@ -32,13 +32,13 @@ def test_what_is_inside_has_no_visible_area() -> None:
     assert not np.isin(views.face, np.flatnonzero(inner)).any()
 
 
-def test_six_views_where_no_share_is_asked_for() -> None:
-    """As in the paper."""
+def test_share_zero_gives_six_views() -> None:
+    """Check the paper's setting."""
     assert len(view_render.run(as_object(cup()), replace(SMALL, share=0.0)).views) == 6
 
 
-def test_a_mesh_without_surface_is_refused() -> None:
-    """Its name is in the sentence."""
+def test_mesh_without_surface_is_refused() -> None:
+    """Check that the error names it."""
     thing = as_object(cup(), "flat_thing")
     with pytest.raises(ValueError, match="flat_thing"):
         view_render.run(replace(thing, vertices=np.zeros_like(thing.vertices)), SMALL)

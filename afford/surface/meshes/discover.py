@@ -51,7 +51,7 @@ def discover(root: Path, digest: Digest) -> MeshFolder:
         except (SourceError, OSError) as error:
             refused.append(RejectedObject(name, str(error)))
     if not trees and not refused:
-        raise SourceError(str(root), "a mesh (OBJ, PLY, STL, GLB, glTF) or a URDF", "none", "put one there")
+        raise SourceError(str(root), "a mesh (OBJ, PLY, STL, GLB, glTF) or a URDF", "no such file", "put one there")
     return MeshFolder(root.resolve().name, tuple(trees), tuple(refused))
 
 

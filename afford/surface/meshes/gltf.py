@@ -110,7 +110,7 @@ def read_gltf(files: FileTree, file: FileRef) -> Surface:
     except (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise document.refuse("a complete glTF 2.0 document", f"{type(error).__name__} {error}") from error
     if not found:
-        raise document.refuse("triangles", "none in its scene")
+        raise document.refuse("triangles", "an empty scene")
     return join_surfaces(found, "m")
 
 
@@ -139,7 +139,7 @@ def _chunks(data: bytes, name: str) -> tuple[dict[str, Any], bytes]:
             parts.setdefault(kind, data[at + 8 : at + 8 + length])
             at += 8 + length
         if JSON_CHUNK not in parts:
-            raise SourceError(name, "a JSON chunk", "none", "was the file cut short? get it again")
+            raise SourceError(name, "a JSON chunk", "another chunk", "was the file cut short? get it again")
         tree, body = parse_json(parts[JSON_CHUNK], name), parts.get(BIN_CHUNK, b"")
     asset = tree.get("asset") if isinstance(tree, dict) else None
     if not isinstance(asset, dict) or not str(asset.get("version", "")).startswith("2"):

@@ -45,7 +45,7 @@ def read_stl(files: FileTree, file: FileRef) -> Surface:
     """Read a grey surface; STL has no standard for colours."""
     found = _load(load_stl, file)
     if "faces" not in found:
-        got = f"{len(found['geometry'])} of them" if found.get("geometry") else "none, or another length than the header states"
+        got = f"{len(found['geometry'])} of them" if found.get("geometry") else "no triangle, or another length than stated"
         raise SourceError(file.name, "one solid with triangles", got, "export the mesh again as binary STL")
     return plain_surface(found["vertices"], found["faces"])
 

@@ -27,7 +27,7 @@ def read_surface(files: FileTree) -> Surface:
     file = main_file(files)
     surface = read_urdf(files, file, read_mesh) if suffix(file.name) == URDF else read_mesh(files, file)
     if not len(surface.faces) or not len(surface.vertices):
-        raise SourceError(file.name, "triangles", "none", "export the mesh again")
+        raise SourceError(file.name, "triangles", "an empty mesh", "export the mesh again")
     check_corners(surface.faces, len(surface.vertices), file.name)
     for what, values in (("vertices", surface.vertices), ("texture coordinates", surface.uv.reshape(-1, 2))):
         broken = int((~np.isfinite(values)).any(axis=1).sum())

@@ -150,7 +150,7 @@ def main_file(files: FileTree) -> FileRef:
         if found:
             raise SourceError(files.name, "one mesh or one URDF", ", ".join(file.name for file in found),
                               "keep one, or join them in a URDF")
-    raise SourceError(files.name, f"a mesh ({', '.join(MESH_SUFFIXES)}) or a URDF", "none", "put one there")
+    raise SourceError(files.name, f"a mesh ({', '.join(MESH_SUFFIXES)}) or a URDF", "no such file", "put one there")
 
 
 def decode_text(file: FileRef) -> str:

@@ -98,11 +98,11 @@ def _kinds(count: int, rng: np.random.Generator) -> list[int]:
 
 
 def texture(mesh: ObjectMesh, params: Procedural) -> ObjectMesh:
-    """Return the mesh with procedural materials (`Texture`)."""
+    """Paint a material on each shape region of the surface: metal on thin regions, other materials on thick ones."""
     uv, image = paint_regions(mesh.vertices, mesh.faces, params.regions, params.side_px, params.seed)
     return replace(mesh, uv=uv, texture=image)
 
 
 def keep(mesh: ObjectMesh, params: None) -> ObjectMesh:
-    """Return the mesh itself (`Texture`)."""
+    """Keep the one colour."""
     return mesh

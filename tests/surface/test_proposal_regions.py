@@ -1,4 +1,4 @@
-"""Regions of a surface: creases part them, the tree keeps them all, and every face is in one."""
+"""Surface regions: creases separate, the tree contains all regions, and every face is in one."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tests.helpers.made_meshes import as_object, ball, cut_up, shell
 
 
 def dumbbell() -> trimesh.Trimesh:
-    """A stick of 1 cm with a block of 4 cm at one end."""
+    """Build a stick of 1 cm with a block of 4 cm at one end."""
     block = trimesh.creation.box((0.04, 0.04, 0.04), transform=trimesh.transformations.translation_matrix((0, 0.1, 0)))
     return cut_up(trimesh.boolean.union([trimesh.creation.box((0.01, 0.2, 0.01)), block]), 0.008)
 
@@ -28,13 +28,13 @@ def tree_of(thing: ObjectMesh, scale: float = 0.0003, least: float = 0.002) -> R
 
 
 def best_overlap(tree: RegionTree, truth: np.ndarray, area: np.ndarray) -> float:
-    """IoU by area of the node that fits a set of faces best."""
+    """Return the IoU by area of the best node for a set of faces."""
     nodes = tree.members()[:, tree.leaf]
     return float(max((area[n & truth].sum() / area[n | truth].sum()) for n in nodes))
 
 
-def test_a_crease_inwards_parts_block_and_stick() -> None:
-    """One node of the tree is the block, another the stick, nearly to the face; they stand out."""
+def test_concave_crease_separates_block_and_stick() -> None:
+    """Check that one node is the block and another the stick, both persistent."""
     made = dumbbell()
     tree = tree_of(as_object(made))
     block = made.triangles_center[:, 1] > 0.0799
@@ -45,8 +45,8 @@ def test_a_crease_inwards_parts_block_and_stick() -> None:
     assert tree.persistence[int(np.argmax(like))] > 0.3
 
 
-def test_colour_parts_what_shape_does_not() -> None:
-    """A ball painted in two halves."""
+def test_colour_separates_equal_shapes() -> None:
+    """Check a ball painted in two halves."""
     made = ball(0.05, 4)
     upper = made.triangles_center[:, 2] > 0
     texture = np.zeros((2, 2, 3), np.uint8)
@@ -56,8 +56,8 @@ def test_colour_parts_what_shape_does_not() -> None:
     assert best_overlap(tree, upper, made.area_faces) > 0.99
 
 
-def test_the_tree_holds_every_region_once() -> None:
-    """Leaves are disjoint and cover everything; a merge is its two children; the root is all; shares add up."""
+def test_tree_contains_every_region_once() -> None:
+    """Check disjoint leaves, merges of two children, the root, and shares."""
     thing = as_object(dumbbell())
     tree = tree_of(thing)
     nodes, regions = tree.members(), len(tree.persistence) - len(tree.children)
@@ -67,16 +67,16 @@ def test_the_tree_holds_every_region_once() -> None:
     assert (tree.persistence >= 0).all() and (tree.persistence <= 1).all() and len(tree.children) == regions - 1
 
 
-def test_pieces_that_touch_nowhere_end_in_one_tree() -> None:
-    """A ball in a ball: two pieces, each a node."""
+def test_separate_pieces_are_joined_last() -> None:
+    """Check a ball in a ball."""
     made = shell()
     tree = tree_of(as_object(made))
     inner = np.linalg.norm(made.triangles_center, axis=1) < 0.07
     assert best_overlap(tree, inner, made.area_faces) == best_overlap(tree, ~inner, made.area_faces) == 1
 
 
-def test_no_region_is_smaller_than_allowed() -> None:
-    """A larger scale gives fewer regions; none falls below the least share."""
+def test_regions_have_a_minimum_size() -> None:
+    """Check scale and least share."""
     thing = as_object(dumbbell())
     features = FaceFeatures.of(thing)
     borders = Borders.of(thing.vertices, thing.faces, features, BorderWeights())
@@ -85,8 +85,8 @@ def test_no_region_is_smaller_than_allowed() -> None:
     assert np.bincount(fine, features.area).min() >= 0.01 * features.area.sum()
 
 
-def test_thickness_is_the_way_to_the_other_side() -> None:
-    """Of a ball, about its diameter (the cone's rays are shorter); of a plate, its thickness."""
+def test_shape_diameter() -> None:
+    """Check a ball and a plate."""
     ball_thick = FaceFeatures.of(as_object(ball(0.05, 4))).thickness
     assert np.abs(ball_thick / 0.1 - np.cos(np.radians(30))).max() < 0.03
     plate = cut_up(trimesh.creation.box((0.1, 0.1, 0.004)), 0.01)
@@ -94,8 +94,8 @@ def test_thickness_is_the_way_to_the_other_side() -> None:
     assert FaceFeatures.of(as_object(plate)).thickness[inside] == pytest.approx(0.004 / np.cos(np.radians(30)), rel=0.02)
 
 
-def test_a_face_has_the_colour_of_its_texture() -> None:
-    """v runs upwards; coordinates beyond 1 start again."""
+def test_face_colours_sample_the_texture() -> None:
+    """Check that v runs upwards and coordinates repeat."""
     thing = as_object(ball(0.05, 1))
     texture = np.zeros((4, 4, 3), np.uint8)
     texture[:2] = 255
@@ -104,16 +104,16 @@ def test_a_face_has_the_colour_of_its_texture() -> None:
         assert face_colours(replace(thing, uv=uv, texture=texture))[:, 0] == pytest.approx(light, abs=0.5)
 
 
-def test_every_edge_is_found_with_its_length() -> None:
-    """Of a closed surface: one and a half a face; lengths are those of the edges."""
+def test_edges_and_lengths_of_a_closed_surface() -> None:
+    """Check one and a half edges for each face, and their lengths."""
     made = ball(0.05, 2)
     pair, length = shared_edges(made.vertices, made.faces)
     assert len(pair) == 1.5 * len(made.faces) and (pair[:, 0] != pair[:, 1]).all()
     assert np.sort(length) == pytest.approx(np.sort(made.edges_unique_length), rel=1e-6)
 
 
-def test_of_two_masks_that_say_the_same_the_better_stays() -> None:
-    """By IoU; at most as many as asked for; empty ones never."""
+def test_nms_keeps_the_better_mask() -> None:
+    """Check IoU, the largest number, and empty masks."""
     masks = np.zeros((4, 10), bool)
     masks[0, :8], masks[1, :7], masks[2, 5:] = True, True, True
     quality = np.float32([0.5, 0.9, 0.1, 1.0])

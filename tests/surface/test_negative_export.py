@@ -1,4 +1,4 @@
-"""What others open: coloured surfaces, points, N_t and words, and nothing lost on the way."""
+"""Export of negative affordances: surfaces, points, N_t and JSON without loss."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ def at(files: FileTree, name: str) -> Path:
     return next(file.path for file in files.files if file.name.endswith(name) and file.name.startswith("0_"))
 
 
-def test_the_surface_is_that_of_the_mesh_in_colours(tmp_path: Path) -> None:
-    """GLB and PLY: the same triangles; red where it is negative, green elsewhere."""
+def test_exported_surface_has_the_triangles_in_colours(tmp_path: Path) -> None:
+    """Check GLB and PLY: red negative faces, green others."""
     x, files = looked(), made(tmp_path)
     bad = projected(x).tasks[0].probability > 0.9
     for name in ("surface.glb", "surface.ply"):
@@ -37,8 +37,8 @@ def test_the_surface_is_that_of_the_mesh_in_colours(tmp_path: Path) -> None:
         assert (red[bad] > green[bad] + 90).all() and (green > red).any()
 
 
-def test_points_and_words_are_those_of_the_result(tmp_path: Path) -> None:
-    """N_t comes back; the JSON names the parts with their roles; distances are the grid's."""
+def test_exported_points_and_json_agree_with_the_result(tmp_path: Path) -> None:
+    """Check N_t, roles of parts, and the distance grid."""
     x, files = looked(), made(tmp_path)
     one = projected(x).tasks[0]
     assert trimesh.load(at(files, "N_t.ply")).vertices == pytest.approx(one.N_t, abs=1e-7)
@@ -51,16 +51,16 @@ def test_points_and_words_are_those_of_the_result(tmp_path: Path) -> None:
         assert np.array_equal(grid["distance_m"], one.field.distance_m) and float(grid["spacing_m"]) == one.field.spacing_m
 
 
-def test_the_same_input_gives_the_same_files(tmp_path: Path) -> None:
-    """To the byte; a folder for each task, named after it."""
+def test_export_is_deterministic(tmp_path: Path) -> None:
+    """Check the bytes, and one folder for each task."""
     one, again = made(tmp_path / "a"), made(tmp_path / "b")
     assert [(f.name, f.digest) for f in one.files] == [(f.name, f.digest) for f in again.files]
     assert {f.name.partition("/")[0] for f in one.files} == {"0_drive_a_screw", "1_hand_over_the_screwdriver"}
     assert task_slug("") == "any_use" and task_slug("Hand over: the KNIFE!") == "hand_over_the_knife"
 
 
-def test_where_nothing_is_negative_n_t_is_a_file_without_points(tmp_path: Path) -> None:
-    """Still a PLY that opens."""
+def test_empty_n_t_is_a_valid_file(tmp_path: Path) -> None:
+    """Check a PLY without points."""
     x, found = looked(), projected(looked())
     empty = replace(found.tasks[0], N_t=np.zeros((0, 3), np.float32), negative=np.zeros_like(found.tasks[0].negative))
     told, nothing = replace(x.told, descriptions=x.told.descriptions[:1]), replace(found, tasks=(empty,))
@@ -69,7 +69,7 @@ def test_where_nothing_is_negative_n_t_is_a_file_without_points(tmp_path: Path) 
 
 
 def test_colours_run_from_green_to_red() -> None:
-    """Opaque; in the middle between both."""
+    """Check opaque colours, and the mean of both at 0.5."""
     found = probability_colours(np.float32([0, 0.5, 1]))
     assert found[0].tolist() == [60, 160, 90, 255] and found[2].tolist() == [214, 48, 39, 255]
     assert found[1, :3] == pytest.approx((found[0, :3].astype(float) + found[2, :3]) / 2, abs=1)

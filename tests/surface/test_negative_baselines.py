@@ -1,4 +1,4 @@
-"""Windows instead of candidates: where they lie, how relevant they make a pixel, and the box and mask that they lead to."""
+"""Baselines of negative affordance: windows, relevance of pixels, coarse boxes and the masks in them."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from afford.surface.proposals.grid import windows
 from schemas.surface import PartCandidates, PartScores
 from tests.helpers.blocks import changed
 from tests.helpers.made_objects import GRID, looked, true_scores
-from tests.surface.test_negative_fuse import description
+from tests.surface.test_negative_project import description
 
 
 def blob(seed: int) -> np.ndarray:
-    """(h, w) bool: a disc or a bar somewhere in a picture."""
+    """Draw a disc or a bar at a random position: (h, w) bool."""
     rng = np.random.default_rng(seed)
     y, x = np.mgrid[:60, :90]
     cy, cx = rng.uniform(15, 45), rng.uniform(15, 75)
@@ -30,7 +30,7 @@ def blob(seed: int) -> np.ndarray:
 @pytest.mark.parametrize("seed", range(10))
 @pytest.mark.parametrize("count", [1, 2, 6, 9])
 def test_windows_cover_the_silhouette_and_nothing_else(seed: int, count: int) -> None:
-    """Each lies inside it and inside a square; together they are all of it, and no pixel is in more than four."""
+    """Check that windows are inside it and inside a square, and that no pixel is in more than four."""
     on = blob(seed)
     found = windows(on, count)
     assert found.shape == (count**2, *on.shape) and not found[:, ~on].any() and found.any(0)[on].all() and found.sum(0).max() <= 4
@@ -40,15 +40,15 @@ def test_windows_cover_the_silhouette_and_nothing_else(seed: int, count: int) ->
 
 
 def test_windows_of_a_square_overlap_by_half() -> None:
-    """Three along a side of 8 px are 4 px wide and 2 px apart."""
+    """Check three windows along 8 px: 4 px wide, 2 px apart."""
     on = np.zeros((12, 12), bool)
     on[2:10, 3:11] = True
     corners = [tuple(side.start for side in box(one)) for one in windows(on, 3)]
     assert corners == [(y, x) for y in (2, 4, 6) for x in (3, 5, 7)] and windows(on, 3).sum((1, 2)).tolist() == [16] * 9
 
 
-def test_the_stage_skips_windows_with_next_to_nothing_in_them() -> None:
-    """Six views only; none below the share that was asked for, none twice; without a window there is a sentence."""
+def test_stage_skips_nearly_empty_windows() -> None:
+    """Check six views, the least share, distinct windows, and the error without a window."""
     x = looked("pan")
     found = x.windows()
     assert sorted(set(found.view.tolist())) == list(range(SIX)) and len(x.views.face) > SIX
@@ -62,8 +62,8 @@ def test_the_stage_skips_windows_with_next_to_nothing_in_them() -> None:
         x.windows(changed(GRID, windows=0))
 
 
-def test_what_fits_everywhere_alike_is_relevant_everywhere_alike() -> None:
-    """The mean of equal values is that value at every pixel of a window, wherever and however many hold it."""
+def test_equal_fits_give_equal_relevance() -> None:
+    """Check that the mean of equal values is independent of the number of windows."""
     x = looked()
     found = x.windows()
     share = np.tile(np.array([0.6, 0.2], np.float32), (len(found.view), 1))
@@ -72,8 +72,8 @@ def test_what_fits_everywhere_alike_is_relevant_everywhere_alike() -> None:
     assert np.array_equal(count.astype(int), [found.masks[found.view == view].sum(0) for view in range(len(count))])
 
 
-def test_windows_that_fit_nothing_are_relevant_for_nothing() -> None:
-    """They count as windows all the same; a description without notes has no relevance at all."""
+def test_windows_without_fit_have_no_relevance() -> None:
+    """Check that they are counted, and that a description without notes has no relevance."""
     masks = np.ones((2, 1, 3), bool)
     masks[1, 0, 0] = False
     found = PartCandidates("x", np.zeros(2, np.int16), masks, np.zeros(2, np.float32))
@@ -84,8 +84,8 @@ def test_windows_that_fit_nothing_are_relevant_for_nothing() -> None:
     assert not relevance(found, PartScores("x", none, none), description(), (1, 1, 3))[0].any()
 
 
-def test_relevance_by_true_fits_finds_the_part_but_not_its_border() -> None:
-    """Of a screwdriver: most of the shaft, little of the handle's far end; and for nobody's notes nothing."""
+def test_relevance_by_true_fits() -> None:
+    """Check a screwdriver: most of the shaft, little of the handle's far end."""
     x = looked()
     found, use = x.windows(), x.told.descriptions[0]
     mine = next(split_by_task(x.told, true_scores(x, found)))[1]
@@ -99,8 +99,8 @@ def test_relevance_by_true_fits_finds_the_part_but_not_its_border() -> None:
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_the_box_holds_the_best_window(seed: int) -> None:
-    """And every other that fits nearly as well; of one window that fits it is the box."""
+def test_box_contains_the_best_windows(seed: int) -> None:
+    """Check windows with nearly the best fit, and a single window."""
     found = windows(blob(seed), 4)
     found = found[found.any((1, 2))]
     fit = np.random.default_rng(seed).random(len(found))
@@ -111,10 +111,8 @@ def test_the_box_holds_the_best_window(seed: int) -> None:
     assert coarse_box(found, alone) == box(found[fit.argmax()])
 
 
-def test_the_mask_that_fills_the_box_is_taken() -> None:
-    """By hand: of two halves that which the box is around; the silhouette for a box around all of it; it alone when no mask is
-    there.
-    """
+def test_mask_that_fills_the_box_is_selected() -> None:
+    """Check two halves, the silhouette for a full box, and the silhouette alone."""
     on = np.zeros((6, 10), bool)
     on[1:5] = True
     halves = np.stack([on, on])
@@ -126,8 +124,8 @@ def test_the_mask_that_fills_the_box_is_taken() -> None:
     assert box_iou(np.s_[0:2, 0:4], np.s_[1:3, 0:4]) == pytest.approx(1 / 3) and box_iou(np.s_[0:1, 0:1], np.s_[2:3, 2:3]) == 0
 
 
-def test_how_often_the_whole_object_is_taken() -> None:
-    """Always when there is no other mask; never when only a half is there; of views without a mask nothing is known."""
+def test_share_of_whole_object_masks() -> None:
+    """Check 1 for silhouettes, 0 for halves, NaN without masks."""
     x, use = looked(), looked().told.descriptions[0]
     found = x.windows()
     none = replace(x.candidates, view=x.candidates.view[:0], masks=x.candidates.masks[:0], quality=x.candidates.quality[:0])
@@ -140,8 +138,8 @@ def test_how_often_the_whole_object_is_taken() -> None:
     assert baselines.coarse_box_recipe(x.views, x.candidates, found, replace(use, notes=()), true_scores(x, found)) == [None] * SIX
 
 
-def test_a_baseline_depends_on_its_inputs_alone() -> None:
-    """Again the same; views beyond the six change nothing."""
+def test_baselines_depend_on_their_inputs_alone() -> None:
+    """Check determinism, and that views beyond the six change nothing."""
     x, use = looked("pan"), looked("pan").told.descriptions[0]
     found = x.windows()
     said = true_scores(x, found)

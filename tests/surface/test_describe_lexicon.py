@@ -1,4 +1,4 @@
-"""Laws of the lexicon: it covers every thing that can be built, turns round where tasks turn round, and never guesses."""
+"""Lexicon: coverage of all buildable categories, dependence on the task, and no guesses."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ def parts(found: PartDescription, role: str) -> set[str]:
     return {note.part for note in found.notes if note.role == role}
 
 
-def test_the_table_covers_every_category_and_names_only_parts_that_exist() -> None:
-    """Rows, tasks and builders speak of the same things; a part is not both; no row stands twice."""
+def test_lexicon_covers_every_category_with_existing_parts() -> None:
+    """Check that rows, tasks and builders agree, roles are disjoint, and no row is repeated."""
     assert set(LEXICON) == set(TASKS) == set(BUILDERS)
     for category, rows in LEXICON.items():
         parts = built_parts(category)
@@ -32,14 +32,14 @@ def test_the_table_covers_every_category_and_names_only_parts_that_exist() -> No
             assert not {*row.negative} & {*row.positive} and (row.negative or row.positive) and row.reason
 
 
-def test_the_scorer_reads_every_phrase_to_its_end() -> None:
-    """How a part looks stands last, and is not to be cut off."""
+def test_phrases_fit_the_text_window() -> None:
+    """Check that the shape, which comes last, is not truncated."""
     phrases = [part_phrase(kind, part) for kind, parts in PARTS.items() for part in parts.split()]
     assert max(len(text.split()) for text in phrases) <= PartScorerConfig().text_words
 
 
-def test_at_least_twelve_pairs_of_tasks_turn_the_negative_part() -> None:
-    """Of the evaluated tasks; in every category at least one."""
+def test_tasks_change_the_negative_part() -> None:
+    """Check at least one pair of tasks in every category, and twelve in all."""
     turning = {category: {negative_parts(category, task) for task in tasks} for category, tasks in TASKS.items()}
     assert all(len(found) > 1 for found in turning.values()), turning
     assert sum(len(found) > 1 for found in turning.values()) >= 12
@@ -53,15 +53,15 @@ def test_at_least_twelve_pairs_of_tasks_turn_the_negative_part() -> None:
     ("iron", "iron a shirt", {"plate"}), ("hammer", "drive a nail", {"face"}), ("drill", "drill a hole", {"chuck", "bit"}),
     ("screwdriver", "drive a screw", {"shaft", "tip"}), ("brush", "", {"bristles"}), ("fork", "juggle with it", {"tines"}),
 ])  # fmt: skip
-def test_what_a_reader_expects(category: str, task: str, negative: set[str]) -> None:
-    """Spot checks of the table, by the words of tasks."""
+def test_known_rows(category: str, task: str, negative: set[str]) -> None:
+    """Check some rows by the words of tasks."""
     assert negative_parts(category, task) == negative
     notes = look_up("x", category, task).notes
     assert {note.part for note in notes if note.role == "negative"} == negative
 
 
-def test_handing_over_turns_sharp_things_round() -> None:
-    """The giver holds what the user must not touch; the handle stays free."""
+def test_handing_over_swaps_roles_of_sharp_tools() -> None:
+    """Check that the handle stays free for the receiver."""
     for category in ("knife", "scissors", "saw", "chisel", "cleaver"):
         use, give = (look_up("x", category, task) for task in ("cut", "hand over"))
         assert parts(use, "negative") == parts(give, "positive") == {"blade"}
@@ -69,8 +69,8 @@ def test_handing_over_turns_sharp_things_round() -> None:
         assert all(n.task_changes for n in (*use.notes, *give.notes) if n.role != "neutral")
 
 
-def test_notes_are_in_order_and_say_how_sure_they_are() -> None:
-    """Negative first; a task that the table does not know is answered by what holds for any use, with less confidence."""
+def test_order_and_confidence_of_notes() -> None:
+    """Check that negative parts come first, and that unknown tasks have a lower confidence."""
     for category, tasks in TASKS.items():
         for task in tasks:
             found = look_up("x", category, task)
@@ -81,8 +81,8 @@ def test_notes_are_in_order_and_say_how_sure_they_are() -> None:
     assert look_up("x", "knife", "juggle").notes[0].confidence < look_up("x", "knife", "cut").notes[0].confidence
 
 
-def test_task_changes_comes_out_of_the_table() -> None:
-    """A trigger is negative only while the bit is changed or the drill handed over; the claw's row is turned by another."""
+def test_task_changes_follows_the_lexicon() -> None:
+    """Check parts whose role depends on the task."""
     assert role_changes("drill", "trigger", True) and role_changes("drill", "bit", True)
     for category, rows in LEXICON.items():
         for row in rows:
@@ -91,16 +91,16 @@ def test_task_changes_comes_out_of_the_table() -> None:
 
 
 @pytest.mark.parametrize("category", ["", "unknown", "sofa", "knives and forks", "blade"])
-def test_unknown_is_unknown(category: str) -> None:
-    """No notes, no guess; the truth of it is an error."""
+def test_unknown_categories(category: str) -> None:
+    """Check for no notes, and an error of the ground truth."""
     found = look_up("thing_1", category, "cut bread")
     assert (found.name, found.category, found.notes) == ("thing_1", "unknown", ())
     with pytest.raises(KeyError):
         negative_parts(category, "cut bread")
 
 
-def test_names_of_things_are_read_as_people_write_them() -> None:
-    """Capitals, spaces and hyphens; articles in phrases."""
+def test_spelling_of_categories() -> None:
+    """Check capitals, spaces and hyphens, and articles in phrases."""
     assert look_up("x", "Soldering iron", "").category == look_up("x", "soldering-iron", "").category == "soldering_iron"
     phrases = [n.phrase for n in look_up("x", "scissors", "").notes] + [n.phrase for n in look_up("x", "axe", "").notes]
     assert phrases[1].startswith("the blade of a pair of scissors, ") and phrases[-1].startswith("the blade of an axe, ")
@@ -113,13 +113,13 @@ def test_names_of_things_are_read_as_people_write_them() -> None:
     ("pick up the mug", ParsedTask("carry", "")), ("", ParsedTask("", "")),
     ("cutlery drawer", ParsedTask("", "")), ("turn over the egg", ParsedTask("stir", "")), ("the hot plate", ParsedTask("", "hot")),
 ])  # fmt: skip
-def test_tasks_are_read(text: str, task: ParsedTask) -> None:
-    """The longest verb at the start, the last word of state."""
+def test_parsing_of_tasks(text: str, task: ParsedTask) -> None:
+    """Check the longest verb at the start, and the last state word."""
     assert parse_task(text) == task
 
 
-def test_the_best_row_is_taken() -> None:
-    """Verb and state before the verb alone, before the state alone, before any use."""
+def test_most_specific_row_is_selected() -> None:
+    """Check verb and state before the verb alone, before the state alone, before any use."""
     assert rule("pan", "hand over the cold pan").negative == ("handle",)
     assert rule("pan", "wash the cold pan") == rule("pan", "wash the pan")
     assert rule("pan", "stir in the cold pan") == rule("pan", "the cold pan")

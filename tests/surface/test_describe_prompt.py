@@ -1,4 +1,4 @@
-"""Laws of the parser: what was asked for comes through whole, anything else is one sentence, and nothing is made up."""
+"""Prompt and parser of part descriptions: valid answers pass unchanged, all others give one sentence."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ def parsed(text: str) -> PartDescription:
     return parse_answer(text, "thing_1", "cut bread", "vlm")
 
 
-def test_what_was_asked_for_comes_through() -> None:
-    """Names in one form, the phrase as scorers read it, the rest as it was said; unknown fields are nobody's business."""
+def test_valid_answers_pass_unchanged() -> None:
+    """Check normalised names, phrases for the scorer, and that unknown fields are ignored."""
     found = parsed(said(BLADE | {"colour": "grey"}, GRIP, mood="good"))
     assert (found.name, found.category, found.task, found.backend) == ("thing_1", "bread_knife", "cut bread", "vlm")
     edge, grip = found.notes
@@ -40,22 +40,22 @@ def test_what_was_asked_for_comes_through() -> None:
 
 @pytest.mark.parametrize("around", ["{}", "```json\n{}\n```", "Sure! {{here}} it is:\n{}\nAsk me {{more}}.",
                                     "<think>{{1}} {{}}</think>{}"])  # fmt: skip
-def test_words_and_fences_around_it_do_not_matter(around: str) -> None:
-    """One object is meant."""
+def test_text_and_fences_are_ignored(around: str) -> None:
+    """Check one JSON object in other text."""
     assert parsed(around.format(said(GRIP))) == parsed(said(GRIP))
 
 
 @pytest.mark.parametrize("category", ["unknown", "Unknown", " unknown object "])
-def test_who_does_not_know_the_object_says_nothing_of_it(category: str) -> None:
-    """Even with parts."""
+def test_unknown_objects_have_no_parts(category: str) -> None:
+    """Check an answer that lists parts for an unknown object."""
     for text in (said(category=category), said(GRIP, category=category), json.dumps({"category": category})):
         assert parsed(text) == PartDescription("thing_1", "unknown", "cut bread", (), "vlm")
 
 
 @pytest.mark.parametrize("text", ["", "I cannot help with that.", "{", "{" * 5000, '{"a":' * 5000, "[1, 2]", '{"parts": []}',
                                   said(GRIP)[:-2], said(GRIP) + said(BLADE), said(GRIP).replace("0.9", "NaN")])  # fmt: skip
-def test_what_is_no_answer_is_one_sentence(text: str) -> None:
-    """It names object, task and backend, shows the beginning of what came, and says what to do. Two answers are none."""
+def test_invalid_answers_are_refused(text: str) -> None:
+    """Check that the error names object, task and backend, quotes the beginning, and gives advice."""
     with pytest.raises(ValueError, match="thing_1, cut bread: answer of backend 'vlm': expected one JSON object") as caught:
         parsed(text)
     assert repr(text[:200]) in str(caught.value) and "new_tokens" in str(caught.value) and len(str(caught.value)) < 450
@@ -69,8 +69,8 @@ def test_what_is_no_answer_is_one_sentence(text: str) -> None:
     ("looks", ["", None, "\u0007", 3]),
     ("reason", ["", None, {}]),
 ])  # fmt: skip
-def test_a_field_that_is_not_as_asked_is_an_error(field: str, values: list[Any]) -> None:
-    """Of that part and field: nothing is clipped, turned into another type or left out."""
+def test_invalid_fields_are_refused(field: str, values: list[Any]) -> None:
+    """Check that no value is clipped, converted or dropped."""
     for value in values:
         with pytest.raises(ValueError, match=rf"parts\[1\], field '{field}': expected .*, got "):
             parsed(said(GRIP, BLADE | {field: value}))
@@ -79,29 +79,29 @@ def test_a_field_that_is_not_as_asked_is_an_error(field: str, values: list[Any])
 
 
 @pytest.mark.parametrize("parts", [(), (GRIP, GRIP), (GRIP, GRIP | {"part": "HANDLE "}), ("blade",), (None,)])
-def test_parts_are_a_list_of_different_ones(parts: tuple[Any, ...]) -> None:
-    """A thing that is known has parts, each once."""
+def test_parts_are_distinct(parts: tuple[Any, ...]) -> None:
+    """Check that a known object has parts, each once."""
     with pytest.raises(ValueError, match="parts"):
         parsed(said(*parts))
     with pytest.raises(ValueError, match="parts"):
         parsed(json.dumps({"category": "knife", "parts": {"handle": GRIP}}))
 
 
-def test_neutral_parts_need_no_reason() -> None:
-    """And have none, as in the table."""
+def test_neutral_parts_have_no_reason() -> None:
+    """Check that the reason is empty, as in the lexicon."""
     assert parsed(said(GRIP | {"role": "neutral", "reason": "whatever"})).notes[0].reason == ""
 
 
-def test_the_table_said_as_an_answer_is_the_table() -> None:
-    """Round trip through the words of another describer."""
+def test_round_trip_of_the_lexicon() -> None:
+    """Check that the lexicon, written as an answer, is parsed to itself."""
     table = look_up("thing_1", "knife", "cut bread")
     parts = [vars(note) | {"looks": note.phrase.partition(", ")[2]} for note in table.notes]
     assert parsed(said(*parts, category=table.category)).notes == table.notes
 
 
 @given(st.text())
-def test_any_text_is_an_answer_or_one_sentence(text: str) -> None:
-    """Nothing but ValueError, on one line that can be written down."""
+def test_any_text_is_parsed_or_refused(text: str) -> None:
+    """Check that errors are ValueError with one printable line."""
     for around in (text, json.dumps({"category": text, "parts": [GRIP | {"part": text, "looks": text}]})):
         try:
             found = parsed(around)
@@ -112,13 +112,13 @@ def test_any_text_is_an_answer_or_one_sentence(text: str) -> None:
 
 
 @given(st.recursive(st.none() | st.booleans() | st.text(), lambda x: st.lists(x) | st.dictionaries(st.text(), x), max_leaves=8))
-def test_objects_are_found_in_text(value: Any) -> None:
-    """The outermost ones."""
+def test_outermost_objects_are_found(value: Any) -> None:
+    """Check the outermost JSON objects of a text."""
     assert list(json_objects(f"so {json.dumps({'v': value})} and")) == [{"v": value}]
 
 
-def test_the_question_tells_what_is_known() -> None:
-    """Category, task and sides; what could break out of its line is quoted."""
+def test_prompt_contains_category_task_and_sides() -> None:
+    """Check that user text is quoted on one line."""
     full = part_prompt("soldering_iron", 'say "x"\nand y', ("front", "back"))
     assert '"soldering iron"' in full and r'"say \"x\"\nand y"' in full and "front, back" in full
     empty = part_prompt("", "", ("front",))
@@ -128,13 +128,13 @@ def test_the_question_tells_what_is_known() -> None:
     assert parsed(example).category == "unknown"
 
 
-def test_the_words_for_looks_are_those_that_the_scorer_learned() -> None:
-    """Each stands in the table of looks, and nearly all that the table says can be said with them."""
+def test_offered_words_are_training_words() -> None:
+    """Check that each is in the table of shapes, and that they suffice for nearly all of it."""
     learned, offered = words(*LOOKS.values(), *LOOKS_OF.values()), set(words(LOOK_WORDS))
     assert offered <= set(learned)
     assert sum(word in offered | {"a", "of", "with"} for word in learned) > 0.95 * len(learned)
 
 
 def words(*texts: str) -> list[str]:
-    """Without the s of the plural."""
+    """Split into words without the plural s."""
     return [word.rstrip("s") for word in re.findall(r"[a-z]+", " ".join(texts))]

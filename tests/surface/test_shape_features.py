@@ -1,4 +1,4 @@
-"""The form of a candidate in numbers: the same however the object lies and however large it is, and what the words say."""
+"""Shape features of candidates: invariance, and agreement with words."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from afford.surface.score.shape_features import SHAPE_FEATURES, shape_features
 from tests.helpers.made_objects import looked
 
 
-def test_no_turn_and_no_size_changes_it() -> None:
-    """Of the same faces, turned, moved and three times as large."""
+def test_features_are_invariant_to_pose_and_scale() -> None:
+    """Check the same faces rotated, moved and scaled by three."""
     x = looked()
     features = FaceFeatures.of(x.mesh)
     turn = Rotation.from_euler("xyz", (0.3, -1.1, 2.0)).as_matrix()
@@ -26,10 +26,8 @@ def test_no_turn_and_no_size_changes_it() -> None:
     np.testing.assert_allclose(found, again, atol=2e-4)
 
 
-def test_the_numbers_mean_what_the_words_say() -> None:
-    """On a screwdriver: the shaft is thinner than the handle, the handle longer and larger than the tip; the tip is at an end, and
-    the handle lies along the whole.
-    """
+def test_features_agree_with_words() -> None:
+    """Check shaft, handle and tip of a screwdriver."""
     x = looked()
     share, _ = part_targets(x.parts, x.views, x.candidates)
     found = dict(zip(SHAPE_FEATURES, shape_features(FaceFeatures.of(x.mesh), x.views, x.candidates).T, strict=True))

@@ -1,4 +1,4 @@
-"""Segment Anything as a proposer of parts: an object through the whole chain, and what becomes of it when the weights change."""
+"""Segment Anything as a proposer: the whole chain, and dependence on the weights."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ def models(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def params(folder: Path, **more: Any) -> mask_propose.Params:
-    """Everything that the model says is a mask."""
+    """Settings that accept every predicted mask."""
     return mask_propose.Params("sam", sam=Sam(str(folder), grid=6, least_iou=-9.0, least_stability=0.0, least_px=5, **more))
 
 
-def test_one_object_goes_through_the_whole_chain(models: Path, tmp_path: Path) -> None:
-    """Masks by SAM, scores by CLIP, a surface on disk; a byte of SAM's weights reruns the proposer; views are not drawn again."""
+def test_chain_from_mesh_to_files(models: Path, tmp_path: Path) -> None:
+    """Check that a changed byte of SAM's weights reruns the proposer and not the views."""
     sam = Path(shutil.copytree(models / "sam", tmp_path / "sam"))
     sets = ["mask_propose.backend=sam", f"mask_propose.sam.model={sam}", "mask_propose.sam.grid=6", "mask_propose.sam.least_iou=-9",
             "mask_propose.sam.least_stability=0", "mask_propose.sam.least_px=5", "mask_score.backend=clip",
@@ -42,8 +42,8 @@ def test_one_object_goes_through_the_whole_chain(models: Path, tmp_path: Path) -
         "mask_propose", "mask_score", "negative_affordance_projection", "negative_affordance_files"}  # fmt: skip
 
 
-def test_other_weights_other_masks_and_the_same_bytes_twice(models: Path, tmp_path: Path) -> None:
-    """Whatever the size of a pass."""
+def test_masks_depend_on_weights_and_are_deterministic(models: Path, tmp_path: Path) -> None:
+    """Check that the batch size changes nothing."""
     x = looked()
     found = [mask_propose.run(x.mesh, x.views, params(models / "sam", batch=batch)) for batch in (64, 64, 5)]
     assert found[0].masks.tobytes() == found[1].masks.tobytes() and found[0].quality.tobytes() == found[1].quality.tobytes()
@@ -52,8 +52,8 @@ def test_other_weights_other_masks_and_the_same_bytes_twice(models: Path, tmp_pa
     assert found[0].masks.shape != other.masks.shape or not np.array_equal(found[0].masks, other.masks)
 
 
-def test_what_is_no_sam_is_refused_in_a_sentence(models: Path, tmp_path: Path) -> None:
-    """Another model, a file cut short, no config."""
+def test_invalid_sam_folders_are_refused(models: Path, tmp_path: Path) -> None:
+    """Check another model, a truncated file and a missing config."""
     cut = Path(shutil.copytree(models / "sam", tmp_path / "cut"))
     (cut / "model.safetensors").write_bytes((cut / "model.safetensors").read_bytes()[:5000])
     bare = Path(shutil.copytree(models / "sam", tmp_path / "bare"))

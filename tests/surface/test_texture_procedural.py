@@ -1,4 +1,4 @@
-"""Laws of the texture by shape: thin and thick are told apart, seams do not show, the same mesh looks the same."""
+"""Procedural texture: regions by thickness, invisible seams, determinism."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tests.helpers.mesh_files import box, places
 
 
 def spoon() -> trimesh.Trimesh:
-    """A thick handle (y < 0) and a thin blade, one body."""
+    """Build a thick handle (y < 0) and a thin blade in one body."""
     handle, blade = trimesh.creation.box((0.025, 0.12, 0.02)), trimesh.creation.box((0.03, 0.12, 0.002))
     handle.apply_translation([0, -0.06, 0])
     blade.apply_translation([0, 0.059, 0])
@@ -22,15 +22,15 @@ def spoon() -> trimesh.Trimesh:
 
 
 def test_thickness_is_that_of_the_body() -> None:
-    """The faces of a slab are its thickness apart; the cone makes it a little more."""
+    """Check the faces of a slab; the cone makes them slightly thicker."""
     slab = trimesh.creation.box((0.1, 0.1, 0.01)).subdivide_to_size(0.01)
     thick = thickness(np.asarray(slab.vertices), np.asarray(slab.faces))
     top = (np.abs(slab.face_normals[:, 2]) > 0.9) & (np.abs(slab.triangles_center[:, :2]).max(axis=1) < 0.03)
     assert thick[top] == pytest.approx(0.01 / np.cos(np.radians(25)), rel=0.02)
 
 
-def test_thin_and_thick_are_regions_of_their_own() -> None:
-    """Most of the blade is the thinnest region, none of the handle is."""
+def test_thin_and_thick_parts_are_separate_regions() -> None:
+    """Check that most of the blade and none of the handle is the thinnest region."""
     solid = spoon()
     region, thick = shape_regions(np.asarray(solid.vertices), np.asarray(solid.faces), 3)
     place, area = solid.triangles_center[:, 1], solid.area_faces
@@ -40,14 +40,14 @@ def test_thin_and_thick_are_regions_of_their_own() -> None:
     assert area[handle & (region == 0)].sum() < 0.1 * area[handle].sum()
 
 
-def test_what_has_no_parts_has_one_region() -> None:
-    """A ball."""
+def test_ball_is_one_region() -> None:
+    """Check a shape without parts."""
     ball = trimesh.creation.icosphere(4, 0.05)
     assert len(shape_regions(np.asarray(ball.vertices), np.asarray(ball.faces), 3)[1]) == 1
 
 
-def test_regions_turn_with_the_object() -> None:
-    """Another pose, the same regions."""
+def test_regions_rotate_with_the_object() -> None:
+    """Check another pose."""
     solid = spoon()
     T = trimesh.transformations.rotation_matrix(1.0, [1, 2, 3], [0.1, 0, 0])
     turned = trimesh.transform_points(solid.vertices, T)
@@ -55,23 +55,23 @@ def test_regions_turn_with_the_object() -> None:
     assert (a == b).mean() > 0.97
 
 
-def test_the_long_axis_is_the_first() -> None:
-    """Of a box along y."""
+def test_first_axis_is_the_longest() -> None:
+    """Check a box along y."""
     solid = box()
     middle, axes = main_axis(np.asarray(solid.vertices), np.asarray(solid.faces))
     assert np.allclose(middle, 0, atol=1e-9) and np.allclose(np.abs(axes[0]), [0, 1, 0], atol=1e-6)
 
 
-def test_same_seed_same_bytes_and_other_seeds_other_looks() -> None:
-    """The texture is a function of mesh and seed."""
+def test_texture_depends_on_the_seed() -> None:
+    """Check that the texture is a function of mesh and seed."""
     solid = spoon()
     v, f = np.asarray(solid.vertices, np.float32), np.asarray(solid.faces, np.int32)
     a, b, c = (paint_regions(v, f, 3, 128, seed) for seed in (0, 0, 1))
     assert a[0].tobytes() == b[0].tobytes() and a[1].tobytes() == b[1].tobytes() and a[1].tobytes() != c[1].tobytes()
 
 
-def test_every_face_has_the_material_of_its_region() -> None:
-    """Blade and handle differ in colour wherever one looks."""
+def test_faces_have_the_material_of_their_region() -> None:
+    """Check that blade and handle differ in colour everywhere."""
     solid = spoon()
     v, f = np.asarray(solid.vertices, np.float32), np.asarray(solid.faces, np.int32)
     uv, image = paint_regions(v, f, 2, 256, 0)
@@ -81,8 +81,8 @@ def test_every_face_has_the_material_of_its_region() -> None:
     assert (seen[points[:, 1] < -0.02] < 450).mean() > 0.97
 
 
-def test_noise_has_no_mean_and_a_scale() -> None:
-    """About -1..1, alike nearby, different farther away."""
+def test_noise_mean_and_scale() -> None:
+    """Check the range, and the correlation at two distances."""
     rng = np.random.default_rng(0)
     points = rng.random((20_000, 3))
     value, near = wave_noise(points, np.random.default_rng(1), 0.1), wave_noise(points + 0.001, np.random.default_rng(1), 0.1)
