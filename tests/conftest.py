@@ -10,6 +10,8 @@ from pathlib import Path
 
 import cv2
 import pytest
+import torch
+from threadpoolctl import threadpool_limits
 
 from commands.targets import use
 from pipeline import TARGETS, build
@@ -24,6 +26,13 @@ signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background
 use(TARGETS, build)  # as the command line does, for tests that call its parts
 
 ROOT = Path(__file__).resolve().parent.parent
+
+
+@pytest.fixture(scope="session", autouse=True)
+def one_thread() -> None:
+    """Compute on one thread in each worker of pytest, since the workers share the cores."""
+    torch.set_num_threads(1)
+    threadpool_limits(1)
 
 
 @pytest.fixture(scope="session")

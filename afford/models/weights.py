@@ -46,7 +46,7 @@ def weight_files(name: str, digest: Callable[[Path], str]) -> FileTree:
         return FileTree(LABEL, (_ref(place, place.name, digest),))
     found = sorted(path for path in place.rglob("*") if path.suffix in READ + ALSO and path.is_file())
     if not found:
-        raise ValueError(f"model {name!r}: expected files of a model ({', '.join(READ + ALSO)}) in the folder, got none; "
+        raise ValueError(f"model {name!r}: the folder has no files of a model ({', '.join(READ + ALSO)}); "
                          "name the folder that holds config.json and the weights")
     return FileTree(LABEL, tuple(_ref(path, path.relative_to(place).as_posix(), digest) for path in found))
 

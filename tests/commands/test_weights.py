@@ -99,7 +99,7 @@ def test_the_initial_weights_of_a_training_are_an_input(model: Path) -> None:
 
 
 @pytest.mark.parametrize(("name", "message"), [
-    ("/no/such/place", "got nothing there; check the path"), ("EMPTY", "expected files of a model")])
+    ("/no/such/place", "got nothing there; check the path"), ("EMPTY", "has no files of a model")])
 def test_a_missing_model_is_a_usage_error(name: str, message: str, tmp_path: Path) -> None:
     """The parameter is named."""
     name = str(tmp_path) if name == "EMPTY" else name

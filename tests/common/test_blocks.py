@@ -69,7 +69,7 @@ def test_stages_have_blocks() -> None:
 
 @pytest.mark.parametrize("stage", STAGES)
 def test_a_block_is_named_after_a_backend(stage: str) -> None:
-    """The name tells the runner when the block counts."""
+    """The runner reads from the name when the block counts."""
     assert blocks(defaults(stage)).keys() <= {name.replace("-", "_") for name in entries(stage)}
 
 

@@ -13,5 +13,5 @@ from tests.helpers.fuzz_readers import BOMBS
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("bomb", BOMBS, ids=lambda bomb: bomb.name)
 def test_bombs_are_refused_before_memory_is_allocated(bomb: Bomb, tmp_path: Path) -> None:
-    """With a declared error, in bounded memory and time."""
+    """The error is declared; memory and time are bounded."""
     assert defuse(bomb, tmp_path / "bomb") == ""

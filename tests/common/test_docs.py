@@ -38,7 +38,7 @@ def test_every_page_is_reached_from_the_index() -> None:
 
 
 def test_every_stage_is_listed() -> None:
-    """In docs/stages.md, by its file; recorders are described together."""
+    """docs/stages.md lists the file of each stage; recorders are described together."""
     listed = set(re.findall(r"\.\./(stages/\S+?)\.py", (DOCS / "stages.md").read_text(encoding="utf-8")))
     paths = {module.replace(".", "/") for module in MODULES.values()}
     assert {path for path in paths if not path.startswith("stages/recording/")} <= listed <= paths

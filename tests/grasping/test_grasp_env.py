@@ -220,7 +220,8 @@ def test_make_vec_and_the_ppo_adapter() -> None:
 
 
 @pytest.mark.parametrize(("wrong", "message"), [
-    ({"action_mode": "paper", "base": "script"}, "expected none"), ({"base": "human"}, "got 'human'"), ({"steps": 0}, "steps"),
+    ({"action_mode": "paper", "base": "script"}, "does not fit action_mode=paper"),
+    ({"base": "human"}, "got 'human'"), ({"steps": 0}, "steps"),
     ({"poses": "upright"}, "got 'upright'"), ({"base": "script", "steps": 20}, "expected 38 or more"), ({"reward": "x"}, "got 'x'"),
     ({"push_n": float("nan")}, "push_n"), ({"layout": "x"}, "got 'x'")])  # fmt: skip
 def test_wrong_keywords_are_refused(wrong: dict[str, Any], message: str) -> None:

@@ -31,8 +31,8 @@ def judged(backend: str = "vlm", **params: Any) -> GraspJudgement:
 
 
 @pytest.mark.parametrize("named", [{"model": "some-vlm"}, {"url": "http://127.0.0.1:8000/v1"}])
-def test_only_where_somebody_is_named_is_anybody_asked(named: dict[str, str]) -> None:
-    """Otherwise the stage is in no graph, and the report is told of no judgement."""
+def test_judge_is_in_the_graph_if_a_model_is_named(named: dict[str, str]) -> None:
+    """The stage is in no graph if neither model nor server is named, and the report has no judgement."""
     asked = Settings.of(grasp_judge=changed(grasp_judge.Params("endpoint" if "url" in named else "vlm"), **named))
     for p, there in ((Settings(), False), (asked, True)):
         nodes = {node.name: node for node in build("grasp", Origin("x"), p).stages()}
@@ -56,7 +56,7 @@ def test_a_server_is_shown_each_episode_once(monkeypatch: pytest.MonkeyPatch) ->
 @pytest.mark.parametrize("text", ["I cannot say.", '{"score": "8"}', '{"score": true}', '{"score": 0}', '{"score": 11}',
                                   '{"score": null}', '{"mark": 8}', '{"score": 8} or {"score": 9}',
                                   '{"score": NaN}', "8"])  # fmt: skip
-def test_what_is_no_mark_is_refused_in_a_sentence(text: str) -> None:
+def test_answer_without_a_score_is_refused_in_a_sentence(text: str) -> None:
     with pytest.raises(ValueError, match=r"a/00: answer of backend 'vlm': expected one JSON object with a score from 1 to 10"):
         parse_score("a/00", text, "vlm")
 
@@ -78,7 +78,7 @@ def test_a_local_model_must_answer(tmp_path: Path) -> None:
 
 
 def test_frames_stand_in_rows_under_their_times() -> None:
-    """As they are; what is left of the last row is blank."""
+    """Frames are unchanged; the rest of the last row is blank."""
     frames = np.random.default_rng(0).integers(0, 255, (6, 10, 30, 3), dtype=np.uint8)
     found = contact_sheet(frames, np.arange(6) / 10)
     assert found.shape == (2 * (10 + LINE_PX), 30 * COLUMNS, 3)
@@ -86,7 +86,7 @@ def test_frames_stand_in_rows_under_their_times() -> None:
 
 
 def test_other_tasks_and_addresses_with_more_in_them_are_refused() -> None:
-    """What may hold a key is not shown."""
+    """A part of an address that may hold a key is not shown."""
     with pytest.raises(ValueError, match="no task is named"):
         grasp_judge.run(shadow(), (), episodes(), grasp_judge.Params(vlm=Chat("x")))
     for wrong in ({"url": "https://user:secret1@host/v1"}, {"key_variable": "sk-secret1"}, {"frames": 0}):

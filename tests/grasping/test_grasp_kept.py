@@ -29,14 +29,14 @@ def kept(*runs: GraspEpisodes) -> grasp_kept.Kept:
 
 
 def mean_of(*runs: GraspEpisodes) -> grasp_kept.Kept:
-    """As one entry of the seeds 0, 1, ..."""
+    """Merge runs to one entry of the seeds 0, 1, ..."""
     row = result_rows(group_cells(runs))[0]
     return {f"{row.policy}-0..{len(runs) - 1}-{row.level}-{row.engine}": {"commit": "aaa", "figures": dict(row.figures)}}
 
 
 @pytest.mark.parametrize("together", [1, 2, 3])
 def test_seeds_that_were_trained_apart_give_the_line_of_those_trained_together(together: int) -> None:
-    """Whether each is known or only the mean of the first of them."""
+    """Either each seed is known, or only the mean of the first seeds."""
     runs = [episodes("teacher", seed) for seed in range(3)]
     known = mean_of(*runs[:together]) | kept(*runs[together:])
     (row,), (asked,) = grasp_kept.rows(known), result_rows(group_cells(runs))
@@ -62,7 +62,7 @@ def test_a_run_replaces_what_was_known_of_its_seeds(tmp_path: Path) -> None:
 
 
 def test_the_table_is_of_all_of_them() -> None:
-    """In the order of the recipes, rows that lack seeds marked, conditions and the prior asked for once."""
+    """Rows are in the order of the recipes; rows that lack seeds are marked; conditions and the prior are listed once."""
     every = (("prior", 0), ("lambda_half", 1), ("lambda_half", 0), ("teacher_pushed", 0), ("teacher", 0, "unseen_size"),
              ("teacher", 0, "train", "mujoco"), ("teacher", 0))  # fmt: skip
     known = kept(*(episodes(*one) for one in every))

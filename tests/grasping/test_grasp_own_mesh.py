@@ -56,8 +56,8 @@ def test_the_lines_of_the_page_play_an_episode(tmp_path: Path, monkeypatch: pyte
     assert all(values.shape == (1,) for values in played.report.values()) and played.report["as_violation_pct"][0] >= 0
 
 
-def test_what_is_finished_is_published_by_its_row(tmp_path: Path) -> None:
-    """Under the name of the run; a policy that is not there yet is no error."""
+def test_finished_policies_are_published_under_their_row(tmp_path: Path) -> None:
+    """The folder has the name of the run; a policy that is not finished is no error."""
     runner, g = open_runner(tmp_path / "store", jobs=0), Graph()
     files = teacher(tmp_path / "made")
     shown = [g.publish(g.leaf(f"{row}_0.files", tree(row, tmp_path / "made")), f"models/{{source}}-{row}", as_=row)

@@ -24,7 +24,7 @@ SHORT = hand_imitation.Params(cloning=3, alone=2, memory=2, passes=1, batch=64, 
 
 
 class KilledError(Exception):
-    """In the middle."""
+    """Raised in the middle of a training."""
 
 
 @dataclass(frozen=True)

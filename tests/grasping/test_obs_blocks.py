@@ -16,7 +16,7 @@ ACTIONS = np.random.default_rng(0).uniform(-0.5, 0.5, (6, 24)).astype(np.float32
 
 
 def moment() -> Snapshot:
-    """In the middle of an episode."""
+    """Make a snapshot in the middle of an episode."""
     made = env(base="script")
     made.reset(seed=3)
     for action in ACTIONS:

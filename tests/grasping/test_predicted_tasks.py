@@ -40,7 +40,7 @@ def task() -> GraspTask:
 
 @cache
 def said() -> NegativeAffordances:
-    """With a scorer of parts that is never wrong."""
+    """Negative affordances of a scorer that is never wrong."""
     return projected(looked())
 
 

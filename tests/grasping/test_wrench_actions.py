@@ -189,7 +189,7 @@ def test_rate_actions_reach_recorded_poses() -> None:
 def test_bases_are_refused_with_wrenches() -> None:
     """A base gives targets, which wrenches do not have."""
     for base in ("script", "prior"):
-        with pytest.raises(ValueError, match="expected none with action_mode=paper"):
+        with pytest.raises(ValueError, match="does not fit action_mode=paper"):
             GraspEnvConfig(action_mode="paper", base=base, posture=(0.0,) * 24)
     with pytest.raises(ValueError, match="expected servo or wrench"):
         Scene(shadow(), tool("screwdriver"), wrist="rope")

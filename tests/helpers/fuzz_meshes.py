@@ -33,7 +33,7 @@ URDF = """<robot name="thing"><material name="red"><color rgba="1 0 0 1"/></mate
 
 
 class RefusedError(Exception):
-    """What discovery says of an object that it refuses."""
+    """An object that discovery refuses, with its reason."""
 
 
 def read_object(path: Path) -> ReadMesh:

@@ -212,7 +212,7 @@ def large_label(folder: Path, stated: int) -> Path:
 
 
 def written(name: str, content: Callable[[], bytes]) -> Callable[[Path], Path]:
-    """What writes one file."""
+    """Return a function that writes one file."""
 
     def write(folder: Path) -> Path:
         (folder / name).write_bytes(content())

@@ -1,4 +1,4 @@
-"""All readers that are fuzzed, and all bombs, by what they read."""
+"""Tables of the fuzzed readers and of the bombs, by what they read."""
 
 from __future__ import annotations
 

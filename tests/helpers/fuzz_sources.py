@@ -177,7 +177,7 @@ def _write_recording(root: Path) -> Path:
 
 
 def _inspected(path: Path) -> object:
-    """What `inspect --strict` says: problems in sentences, or nothing."""
+    """Run `inspect --strict` on a file and return its problems."""
     found = summarise(path)
     problems = ([found.problem] if found.problem else []) + (check_file(path) or check_content(path))
     if problems:
@@ -218,7 +218,7 @@ def _deep(root: Path) -> Path:
 
 
 def _masks(size_px: int, annotations: int, segmentation: Any) -> Callable[[Path], Path]:
-    """One's own video whose only image states a size, with masks."""
+    """User video whose only image declares a size, with masks."""
     def write(root: Path) -> Path:
         path = _write_own(root)
         image = {"id": 1, "file_name": "frame_000001.png", "width": size_px, "height": size_px}

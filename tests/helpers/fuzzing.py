@@ -64,8 +64,9 @@ def fuzz(reader: FuzzedReader, folder: Path, tries: int, seed: int) -> dict[str,
             reader.read(path)
             counts["accepted"] += 1
         except reader.errors as error:
-            said = str(error)
-            assert said and "\n" not in said and len(said) <= LONGEST_SENTENCE, f"{reader.name}, seed {seed}, n {n}: {said!r}"
+            sentence = str(error)
+            fits = sentence and "\n" not in sentence and len(sentence) <= LONGEST_SENTENCE
+            assert fits, f"{reader.name}, seed {seed}, n {n}: {sentence!r}"
             counts["refused"] += 1
         except Exception as error:
             raise AssertionError(f"{reader.name}, seed {seed}, n {n}: {type(error).__name__}: {error}") from error

@@ -22,7 +22,7 @@ from schemas.video import Clip
 
 @dataclass(frozen=True)
 class Params:
-    """Nothing to choose."""
+    """Parameters of a stage without any."""
 
 
 def environment(clip: Clip, params: Params) -> Clip:

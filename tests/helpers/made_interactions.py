@@ -16,12 +16,12 @@ from schemas.interaction import AFFORDANCES, BACKGROUND, InteractionClip
 
 
 def digest(path: Path) -> str:
-    """What the runner would give."""
+    """Digest of a file, as the runner computes it."""
     return blake3(path.read_bytes()).hexdigest()
 
 
 def folder(root: Path, name: str = "root") -> FileTree:
-    """Everything below a folder."""
+    """Tree of all files below a folder."""
     return entry_tree(name, entries(root), digest)
 
 

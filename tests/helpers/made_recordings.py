@@ -27,16 +27,16 @@ CLIP = Clip("c1", "c1", "P1", "", ("v.mp4",), "video", 25.0, False, 1, T, KEYS, 
 
 @dataclass
 class Ctx:
-    """What a stage may ask of its runner."""
+    """Context of a stage: scratch folder and progress."""
 
     scratch: Path
 
     def progress(self, done: int, total: int) -> None:
-        """Nobody listens."""
+        """Ignore the progress."""
 
 
 def outputs(seed: int = 0) -> dict[str, object]:
-    """What the extraction stages would make of a clip of T frames, filled at random; stage -> value."""
+    """Random outputs of the extraction stages for a clip of T frames; stage -> value."""
     rng = np.random.default_rng(seed)
     frame, entities = np.arange(1, T + 1, dtype=np.int64), HANDS + MUG
     n, rgb = len(entities), rng.integers(0, 256, (T, H, W, 3), np.uint8)

@@ -29,9 +29,9 @@ def hammer(category: str = "hammer", seed: int = 3, use: str = "drive a nail") -
 
 
 @cache
-def grasped(seed: int = 0, **told: object) -> tuple[GraspTrace, dict[str, float]]:
-    """An episode of the script alone, and its figures; `told` are words of Config."""
-    core = GraspWorlds(shadow(), (from_grasp_task(hammer()),), GraspEnvConfig(**{"base": "script", **told}))  # type: ignore[arg-type]  # words of Config
+def grasped(seed: int = 0, **changes: object) -> tuple[GraspTrace, dict[str, float]]:
+    """An episode of the script alone, and its figures; `changes` are fields of GraspEnvConfig."""
+    core = GraspWorlds(shadow(), (from_grasp_task(hammer()),), GraspEnvConfig(**{"base": "script", **changes}))  # type: ignore[arg-type]  # fields of GraspEnvConfig
     played = rollout(core, BaseOnly(), [np.random.default_rng(seed)])
     core.close()
     return played.trace(0, hammer().name, seed), {name: float(found[0]) for name, found in played.report.items()}

@@ -58,6 +58,6 @@ def clip_of(keys: list[KeyFrame], last: int) -> Clip:
 
 
 def frames_of(rgb: np.ndarray, numbers: np.ndarray | None = None) -> Frames:
-    """Frames with data-set numbers 1, 2, ... unless said otherwise."""
+    """Frames with data-set numbers 1, 2, ... by default."""
     numbers = np.arange(1, len(rgb) + 1) if numbers is None else numbers
     return Frames("T01_01", numbers.astype(np.int64), (numbers * 33_333_333).astype(np.int64), rgb)

@@ -95,7 +95,7 @@ class Context:
         self.scratch = scratch
 
     def progress(self, done: int, total: int) -> None:
-        """Nothing to show."""
+        """Ignore the progress."""
 
 
 def main(job: dict[str, Any]) -> list[dict[str, Any]]:
@@ -114,7 +114,7 @@ def main(job: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def _guard(job: dict[str, Any], files: list[str]) -> Watch:
-    """From here on, only what is declared."""
+    """Start the watch: allow declared files and folders only."""
     python = [sys.prefix, sys.base_prefix + "/lib", os.path.dirname(os.__file__), os.path.dirname(sys.executable)]
     readable = [*python, *SYSTEM, *MACHINE, *files, *job["models"], "matplotlibrc"]
     writable = [job["work"], os.environ["NUMBA_CACHE_DIR"], os.environ["MPLCONFIGDIR"]]
@@ -130,8 +130,8 @@ def _guard(job: dict[str, Any], files: list[str]) -> Watch:
 def _replay(task: dict[str, Any], inputs: dict[str, Any], out: Any, scratch: Path, watch: Watch) -> dict[str, Any]:
     (scratch / "work").mkdir(parents=True)
     before = {name: out.codec.digest(value) for name, value in inputs.items() if not isinstance(value, tuple)}
-    said, watch.problems = io.StringIO(), []
-    sys.stdout = sys.stderr = said
+    printed, watch.problems = io.StringIO(), []
+    sys.stdout = sys.stderr = printed
     try:
         watch.on = True
         value = _run(task, inputs, scratch)
@@ -141,7 +141,7 @@ def _replay(task: dict[str, Any], inputs: dict[str, Any], out: Any, scratch: Pat
         watch.on, digest = False, ""
         watch.problems.append(traceback.format_exc())
     sys.stdout, sys.stderr = sys.__stdout__, sys.__stderr__
-    problems = list(dict.fromkeys(watch.problems)) + [f"printed {said.getvalue()!r}"] * bool(said.getvalue())
+    problems = list(dict.fromkeys(watch.problems)) + [f"printed {printed.getvalue()!r}"] * bool(printed.getvalue())
     problems += [f"changed its input {name}" for name, old in before.items() if out.codec.digest(inputs[name]) != old]
     return {"output": digest, "blobs": blobs(out, digest) if digest else [], "problems": problems}
 
@@ -185,7 +185,7 @@ def freeze(value: Any) -> list[Path]:
 
 
 def fake_clock() -> None:
-    """Everything that tells what time it is; sleeping takes as long as ever."""
+    """Shift every clock; sleeping takes the real time."""
     for name in ("time", "monotonic", "perf_counter"):
         seconds, nanoseconds = getattr(time, name), getattr(time, f"{name}_ns")
         setattr(time, name, lambda read=seconds: read() + LATER_S)

@@ -172,12 +172,13 @@ def motions(store: Path, folder: Path) -> None:
     for name, found in clips.items():
         fitted = graph.named(f"fit_{name}").add(hand_retarget.run, motion=graph.each(found), hand=hand, params=any_clip)
         everything = graph.collect(fitted)
-        told = graph.named(f"report_{name}").add(motion_report.run, clips=everything, params=motion_report.Params())
+        references = graph.named(f"report_{name}").add(motion_report.run, clips=everything, params=motion_report.Params())
         params = motion_files.Params()
         film = motion_record.Params(f"motion_{name}", clips=1, pictures_hz=2.0, width=64, height=48)
         shown = graph.named(f"record_{name}").add(motion_record.run, hand=hand, motions=graph.collect(graph.each(found)),
                                                   clips=everything, params=film, ctx=graph.ctx)  # fmt: skip
-        graph.target(name, shown, graph.named(f"files_{name}").add(motion_files.run, references=told, params=params, ctx=graph.ctx))
+        files = graph.named(f"files_{name}").add(motion_files.run, references=references, params=params, ctx=graph.ctx)
+        graph.target(name, shown, files)
         run(store, name, graph)
 
 
@@ -211,15 +212,15 @@ def from_masks(store: Path, folder: Path) -> None:
     model = graph.leaf("model", files_of("tiny", write_model(folder / "model")))
     grasps = graph.add(grasp_candidates.run, scene=graph.leaf("look", bar(right=lambda place: place[..., 0] < 0.0)[0]),
                        params=grasp_candidates.Params(places=8))  # fmt: skip
-    built, body, told = subject()
+    built, body, descriptions = subject()
     mesh, parts = graph.leaf("mesh", built.mesh), graph.leaf("parts", built.parts)
-    said = graph.leaf("told", replace(told, descriptions=told.descriptions[:1]))
+    first = graph.leaf("first", replace(descriptions, descriptions=descriptions.descriptions[:1]))
     views = graph.add(view_render.run, mesh=mesh, params=view_render.Params(size_px=64, directions=32, share=0.0))
-    positive = graph.add(positive_affordance_projection.run, mesh=mesh, views=views, descriptions=said, model=model, ctx=graph.ctx,
+    positive = graph.add(positive_affordance_projection.run, mesh=mesh, views=views, descriptions=first, model=model, ctx=graph.ctx,
                          params=positive_affordance_projection.Params(points=8, mirror=False))  # fmt: skip
     seen = graph.add(positive_record.run, views=views, found=positive, params=positive_record.Params(), ctx=graph.ctx)
     hand = graph.add(hand_model.run, files=graph.leaf("hand", shadow_files()), params=hand_model.Params())
-    tried = graph.add(grasp_compare.run, hand=hand, mesh=mesh, parts=parts, body=graph.leaf("body", body), descriptions=said,
+    tried = graph.add(grasp_compare.run, hand=hand, mesh=mesh, parts=parts, body=graph.leaf("body", body), descriptions=first,
                       model=model, params=grasp_compare.Params(("mujoco",), 1, places=8), ctx=graph.ctx)  # fmt: skip
     every = graph.leaf("comparisons", (comparison("a", [1.0, 0.0]), comparison("b", [1.0, 1.0])))
     table = graph.add(grasp_compare_report.run, comparisons=every, params=grasp_compare_report.Params(), ctx=graph.ctx)
@@ -248,7 +249,7 @@ def afforded(store: Path, folder: Path) -> None:
     with_fonts(store)
 
 
-def told(store: Path, folder: Path) -> None:
+def sequences(store: Path, folder: Path) -> None:
     """A model of sequences that has learned nothing was asked about every frame of one, and about pictures."""
     write_sor3d(folder / "model")
     (clip, flow), other = made_sequences.interaction(0, "val"), made_sequences.interaction(1, "val")[0]
@@ -261,8 +262,8 @@ def told(store: Path, folder: Path) -> None:
     scored = graph.add(static_evaluate.run, samples=graph.leaf("pictures", (clip, other)), model=model,
                        params=static_evaluate.Params(), ctx=graph.ctx)  # fmt: skip
     table = graph.add(static_report.run, reports=(scored,), params=static_report.Params(), ctx=graph.ctx)
-    graph.target("told", recorded, table)
-    run(store, "told", graph)
+    graph.target("sequences", recorded, table)
+    run(store, "sequences", graph)
     with_fonts(store)
 
 
@@ -300,7 +301,7 @@ MAKERS: dict[Maker, tuple[str, ...]] = {
     afforded: ("scene_flow", "scene_flow_score", "interaction_pack", "action_pack", "sor3d_pretrain", "sor3d_train",
                "sor3d_evaluate", "sor3d_report"),
     boxed: ("boxes_train",),
-    told: ("interaction_record", "static_evaluate", "static_report"),
+    sequences: ("interaction_record", "static_evaluate", "static_report"),
 }  # fmt: skip
 """what fills a store, and the stages of which it holds a run"""
 ELSEWHERE = {stage: maker for maker, stages in MAKERS.items() for stage in stages}

@@ -18,7 +18,7 @@ CONFIG = Sor3dConfig(widths=(4, 4, 4, 8), size_px=SIZE)
 
 
 def write_model(folder: Path, row_name: str = "rgbd_attention_flow3d", seed: int = 0) -> Path:
-    """Random weights, larger than new ones, so that every input tells."""
+    """Random weights, larger than new ones, so that every input has an effect."""
     model = build(row(replace(CONFIG), row_name), seed)
     checkpoint.save_model(model, folder)
     return folder

@@ -50,7 +50,7 @@ def test_iit_aff_classes(tmp_path) -> None:
 
 
 def test_small_pictures_give_their_largest_square(tmp_path) -> None:
-    """It is not enlarged; a large picture is cropped as usual."""
+    """The square is not enlarged; a large picture is cropped as usual."""
     iit_aff(tmp_path)
     wide = cv2.imread(str(tmp_path / "rgb" / "b.jpg"))[:9]
     cv2.imwrite(str(tmp_path / "rgb" / "b.jpg"), wide)

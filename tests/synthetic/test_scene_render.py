@@ -85,6 +85,11 @@ def test_contacts_refer_to_masks_of_the_same_image(clip, truth):
         for row in point["annotations"]:
             assert ("in_contact_object" in row) == (row["name"] in ("left hand", "right hand"))
             assert row.get("in_contact_object", "hand-not-in-contact") in ids | {"hand-not-in-contact", "none-of-the-above"}
+            if row["name"] in ("left hand", "right hand"):
+                touched = truth.contact[int(row["name"] == "right hand"), int(point["image"]["name"][-14:-4]) - 1]
+                by_id = {other["id"]: other["name"] for other in point["annotations"]}
+                assert by_id.get(row["in_contact_object"], "") in ("", truth.entities[touched].name if touched >= 0 else "")
+                assert (row["in_contact_object"] == "hand-not-in-contact") == (touched < 0)
     assert (truth.contact >= 0).any()
 
 

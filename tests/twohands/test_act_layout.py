@@ -121,4 +121,4 @@ def test_an_empty_benchmark_is_refused(tmp_path: Path) -> None:
 def test_stills_read_no_source(tmp_path: Path) -> None:
     """A source that would be ignored is refused."""
     refused = call("run", "train-set", "--source", tmp_path, "--store", tmp_path / "store")
-    assert refused.code == 2 and "renders its own rooms" in refused.words
+    assert refused.code == 2 and "renders its own data and reads no source" in refused.words

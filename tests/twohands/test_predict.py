@@ -283,7 +283,7 @@ def test_missing_pictures_or_tasks_are_refused(store: Path, tmp_path: Path) -> N
     image = write_picture(tmp_path / "kettle.png")
     (tmp_path / "empty").mkdir()
     none, empty = tmp_path / "none.png", tmp_path / "empty"
-    for source, out, task, hint in ((none, "out", TASK, "nothing there"), (empty, "out", TASK, "got none"),
+    for source, out, task, hint in ((none, "out", TASK, "nothing there"), (empty, "out", TASK, "got no such file"),
                                     (image, "out", "  ", "TASK"), (image, "kettle.png", TASK, "expected a folder, got a file")):
         refused = predict(store, source, tmp_path / out, task=task)
         assert refused.code == 2 and hint in refused.err and not (tmp_path / "out").exists()

@@ -45,7 +45,7 @@ def find(path: Path) -> list[Source]:
     written = {name.parent for name, _ in listed if name.name == RECORD}
     found = [name for name, entry in listed if entry.suffix in known and not entry.leaves and not written & set(name.parents)]
     if not found:
-        raise SourceError(str(path), f"images or videos ({', '.join(known)}) at any depth", "none", "give another folder")
+        raise SourceError(str(path), f"images or videos ({', '.join(known)}) at any depth", "no such file", "give another folder")
     stems = Counter(name.with_suffix("") for name in found)
     stems.update({folder for name in found for folder in name.parents})
     return [Source(path / name, str(name if stems[name.with_suffix("")] > 1 else name.with_suffix(""))) for name in found]

@@ -66,7 +66,7 @@ class GraspEnvConfig:
             if getattr(self, name) not in allowed:
                 raise ValueError(f"{name}: expected {' or '.join(allowed)}, got {getattr(self, name)!r}")
         if self.action_mode == "paper" and self.base != "none":
-            raise ValueError(f"base: expected none with action_mode=paper, got {self.base}: a base gives targets of the wrist, "
+            raise ValueError(f"base: {self.base} does not fit action_mode=paper: a base gives targets of the wrist, "
                              "which takes forces in this mode; use action_mode=rate or base=none")
         if self.base == "prior" and not self.posture:
             raise ValueError("posture: base=prior needs the start posture of the prior; take it from the prior's facts")

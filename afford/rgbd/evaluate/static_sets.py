@@ -117,7 +117,7 @@ def _report(name: str, metrics: dict[str, float], scores: SetScores, count: int)
     return f"""# Affordances of single pictures: {name}
 
 {count} pictures, each their middle square; a picture is a sequence of one frame in which nothing moves. Scores are of all pixels of
-the set. `closed`: the model may only say what the set has ({', '.join(names)}) or background. Classes of the set that are none of
+the set. `closed`: the model may only say what the set has ({', '.join(names)}) or background. Classes of the set that are not among
 the nine affordances count as background.
 
 | | IoU | F | IoU, closed | F, closed |

@@ -54,7 +54,7 @@ class Rules:
 def read_clip(files: FileTree, rules: Rules) -> InteractionClip:
     """Read one sequence."""
     if not files.files:
-        raise SourceError(files.name, "the files of a sequence", "none", DOCS)
+        raise SourceError(files.name, "the files of a sequence", "no such file", DOCS)
     name = parse_name(files.files[0].name)
     base = f"{name.split}/{name.folder}"
     rgb = sorted(files.under(f"{base}/rgb"), key=lambda file: natural_key(file.name))

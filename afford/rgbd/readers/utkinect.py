@@ -44,7 +44,7 @@ def read_actions(files: FileTree, size_px: int, most_frames: int) -> tuple[Actio
     found = [_clip(row, at, shown, size_px, most_frames) for row in _rows(table)]
     clips = tuple(clip for clip in found if clip is not None)
     if not clips:
-        raise SourceError(files.name, "RGB/<sequence>/colorImg<number>.jpg of an action", "none", FIX)
+        raise SourceError(files.name, "RGB/<sequence>/colorImg<number>.jpg of an action", "no such file", FIX)
     return clips
 
 

@@ -15,7 +15,7 @@ from afford.surface.describe.looks import word_phrase
 from schemas.surface import PartDescription, PartNote
 
 PROMPT = """\
-The picture shows one object from these sides, row by row: {sides}.{said}
+The picture shows one object from these sides, row by row: {sides}.{stated}
 {task}
 
 Say what the object is. Then name every part of it that has a shape of its own, and judge for each whether a bare hand
@@ -48,9 +48,9 @@ def part_prompt(category: str, task: str, sides: Sequence[str]) -> str:
 
     `sides` are the names of the views in the image, row by row.
     """
-    said = f" Somebody says that it is this: {_quote(category.replace('_', ' '))}." if category else ""
+    stated = f" Somebody says that it is this: {_quote(category.replace('_', ' '))}." if category else ""
     doing = f"The task: {_quote(task)}." if task else "No task is given: think of its usual use."
-    return PROMPT.format(sides=", ".join(sides), said=said, task=doing, words=LOOK_WORDS)
+    return PROMPT.format(sides=", ".join(sides), stated=stated, task=doing, words=LOOK_WORDS)
 
 
 def _quote(text: str) -> str:

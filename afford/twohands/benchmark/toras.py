@@ -41,7 +41,7 @@ class Toras:
         """Draw the regions of both hands, (2, h, w) bool; a crop is cut out of the whole by `target_box`."""
         hands = self.outlines.get((files.video, int(files.frame)))
         if hands is None:
-            raise SourceError(files.where, "an entry of that video and frame in the TORAS file", "none", "remove the case")
+            raise SourceError(files.where, "an entry of that video and frame in the TORAS file", "no such entry", "remove the case")
         whole = np.stack([draw(hands[side]) for side in SIDES])
         if files.protocol == "masks":
             return whole
@@ -53,7 +53,7 @@ def of_tree(files: FileTree) -> Toras:
     """Read all *toras_anns.json of a benchmark's folder. SourceError without such a file."""
     named = [ref for ref in files.files if ref.name.endswith("toras_anns.json")]
     if not named:
-        raise SourceError(files.name, "a file toras_anns.json", "none", "score the PNG masks: --set score_cases.truth=png")
+        raise SourceError(files.name, "a file toras_anns.json", "no such file", "score the PNG masks: --set score_cases.truth=png")
     return Toras({key: hands for ref in named for key, hands in read(ref.path.read_bytes(), ref.name).outlines.items()})
 
 
