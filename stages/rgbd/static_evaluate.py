@@ -25,7 +25,7 @@ MEMORY_GIB = 1.5
 
 BACKENDS = {
     "sor3d": "afford.rgbd.model.predictor:picture_predictor",
-    "boxes": "afford.rgbd.detector:picture_predictor",
+    "boxes": "afford.rgbd.model.detector:picture_predictor",
 }
 
 

@@ -21,6 +21,7 @@ SAVED = {
     "afford/grasping/evaluate/comparisons.py": "nobody", "afford/grasping/judge.py": "told",  # row of a report, prompt
     "afford/recording/interactions.py": "said", "afford/recording/messages.py": "said",  # message of recordings
     "afford/surface/describe/prompt.py": "somebody", "afford/twohands/model/vlm.py": "somebody",  # prompts
+    "tests/surface/test_describe_prompt.py": "somebody",
     "afford/surface/negative/score_report.py": "said", "afford/surface/score/train_scorer.py": "told",  # report, card
     "afford/twohands/train/job.py": "said",  # card
     "afford/twohands/benchmark/predictions_file.py": "told tells"}  # description of a column

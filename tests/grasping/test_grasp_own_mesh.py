@@ -24,7 +24,7 @@ STICK_M = (0.2, 0.02, 0.02)
 
 def code() -> str:
     """The first Python block below the heading."""
-    section = PAGE.read_text().partition("## On an object of one's own")[2]
+    section = PAGE.read_text().partition("## Your own object")[2]
     return section.partition("```python\n")[2].partition("```")[0]
 
 
@@ -48,11 +48,11 @@ def test_the_lines_of_the_page_play_an_episode(tmp_path: Path, monkeypatch: pyte
     monkeypatch.chdir(tmp_path)
     found: dict[str, Any] = {}
     exec(compile(code(), str(PAGE), "exec"), found)
-    what, played = found["what"], found["played"]
-    assert {tuple(place) for place in what.N_t} == {tuple(place) for place in points[:40]}
-    assert what.body.parts == ("blade", "handle") and what.negative.tolist() == [True, False] and what.hold == 1
-    assert np.allclose(np.ptp(what.body.points, axis=0), STICK_M, atol=1e-6)
-    assert played.q.shape[:2] == (1, found["grasping"].config.steps + 1) and np.ptp(played.palm[0, :, 2]) > 0.05
+    task, played = found["task"], found["episodes"]
+    assert {tuple(place) for place in task.N_t} == {tuple(place) for place in points[:40]}
+    assert task.body.parts == ("blade", "handle") and task.negative.tolist() == [True, False] and task.hold == 1
+    assert np.allclose(np.ptp(task.body.points, axis=0), STICK_M, atol=1e-6)
+    assert played.q.shape[:2] == (1, found["worlds"].config.steps + 1) and np.ptp(played.palm[0, :, 2]) > 0.05
     assert all(values.shape == (1,) for values in played.report.values()) and played.report["as_violation_pct"][0] >= 0
 
 

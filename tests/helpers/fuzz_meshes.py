@@ -249,7 +249,7 @@ PLY_HEAD = "ply\nformat {0} 1.0\nelement vertex {1}\nproperty float x\nproperty 
 BOMBS: list[Bomb] = [
     bomb("glTF with 2^30 copies by shared children", "thing.gltf", shared_children),
     bomb("glTF with 20,000 copies of 10,000 triangles", "thing.gltf", many_copies),
-    bomb("OBJ with 300,000 materials", "thing.obj", many_materials, read_surface, ()),
+    bomb("OBJ with 300,000 materials", "thing.obj", many_materials, read_unrepaired, ()),
     Bomb("OBJ with 20,000 libraries and images", libraries, read_object, ()),
     Bomb("OBJ with an image of 18000 x 18000", large_image, read_object, (SourceError,)),
     bomb("URDF chain of 20,000 joints", "thing.urdf", partial(chain, 20_000)),

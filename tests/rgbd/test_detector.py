@@ -11,7 +11,9 @@ import pytest
 import torch
 from torch.nn.functional import one_hot
 
-from afford.rgbd.detector import (
+from afford.rgbd.model import checkpoint
+from afford.rgbd.model.config import BoxesParams, Sor3dConfig
+from afford.rgbd.model.detector import (
     MAX_BOXES,
     BoxDetector,
     DetectorFeatures,
@@ -26,8 +28,6 @@ from afford.rgbd.detector import (
     paste_masks,
     roi_align,
 )
-from afford.rgbd.model import checkpoint
-from afford.rgbd.model.config import BoxesParams, Sor3dConfig
 from afford.rgbd.model.model_inputs import TrainingBatch, last_frame, stack
 from afford.rgbd.model.predictor import sequence_of
 from afford.training.job import read_job

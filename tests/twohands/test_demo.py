@@ -23,7 +23,7 @@ import pyarrow.parquet as pq
 import pytest
 from rich.console import Console
 
-from afford.codecs import kinds as kinds_module
+from afford.codecs.kinds import digest as digest_of
 from afford.common.image_files import jpeg
 from afford.common.palette import HANDS
 from afford.twohands.demo import server
@@ -229,7 +229,7 @@ def test_examples_after_a_training_are_held_out_samples(model: Path, tmp_path: P
     clips = tuple(clip(f"P01_0{n}", 8, split=split, height=180, width=320) for n, split in enumerate(("train", "val", "val")))
     packed = dataset_pack.run(clips, dataset_pack.Params(sheet_samples=1), Scratch(tmp_path / "packed"))
     store, folder = tmp_path / "store", tmp_path / "store" / "models" / "small"
-    digest = kinds_module.digest(packed)
+    digest = digest_of(packed)
     open_runner(store, 0).store.put_leaf(packed)
     shutil.copytree(model, folder / "model")
     console = Console(file=io.StringIO(), width=400)
@@ -247,12 +247,12 @@ def test_the_verb_refuses_what_it_cannot_serve(site: Site, model: Path, tmp_path
     none = call("demo", "--store", tmp_path)
     assert none.code == 2 and "run `make train` or give --model DIR" in none.err
     taken = call("demo", "--model", model, "--port", str(site.server_address[1]), "--store", tmp_path)
-    assert taken.code == 2 and "expected an address that is free" in taken.err
+    assert taken.code == 2 and "the address must be one that is free" in taken.err
     for port in ("99999", "-1"):
         wrong = call("demo", "--model", model, "--port", port, "--store", tmp_path)
         assert wrong.code == 2 and f"--port {port}: expected a port from 0 (any free port) to 65535" in wrong.words
     alien = call("demo", "--model", model, "--host", "192.0.2.1", "--port", "0", "--store", tmp_path)
-    assert alien.code == 2 and "--host 192.0.2.1 --port 0: expected an address of this machine" in alien.words
+    assert alien.code == 2 and "--host 192.0.2.1 --port 0: the address must be one of this machine" in alien.words
 
 
 def test_the_demo_command_serves_until_interrupted(model: Path, tmp_path: Path) -> None:

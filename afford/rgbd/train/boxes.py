@@ -11,9 +11,9 @@ from torch import Tensor, nn
 from afford.common.image_files import jpeg
 from afford.dataset import packed_sequences
 from afford.dataset.packed_sequences import PackedSequence
-from afford.rgbd.detector import FORMAT, BoxDetector, build, detector_losses, label_boxes, nms_proposals, paste_masks
 from afford.rgbd.evaluate import metrics
 from afford.rgbd.model import checkpoint
+from afford.rgbd.model.detector import FORMAT, BoxDetector, build, detector_losses, label_boxes, nms_proposals, paste_masks
 from afford.rgbd.model.model_inputs import SequenceBatches, TrainingBatch, fit_to_model, last_frame, stack
 from afford.rgbd.train.job import SequencesJob, split_paths, spread_evenly
 from afford.rgbd.train.sor3d import tint_labels
