@@ -50,6 +50,7 @@ def cpu(work: Callable[[], object]) -> float:
 
 
 def schema(clips: list[Samples]):
+    """Return the classes of verbs and nouns, and the Arrow schema."""
     said = [one.narration for made in clips for one in made.samples]
     verbs = table_schema.collect_classes((one.verb_key, one.verb_class) for one in said)
     nouns = table_schema.collect_classes((one.noun_key, one.noun_class) for one in said)

@@ -236,6 +236,7 @@ def page(tallies: dict[str, Tally], seed: int) -> str:
 
 
 def main() -> None:
+    """Measure, then write."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--data", type=Path, default=ROOT.parent / "shared" / "data")
     parser.add_argument("--store", type=Path)

@@ -120,6 +120,7 @@ def indexed() -> float:
 
 
 def main() -> None:
+    """Measure, then write."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--videos", type=int, default=700)
     videos = names(parser.parse_args().videos)

@@ -107,6 +107,7 @@ def table(rows: list[list[str]]) -> str:
 
 
 def main() -> None:
+    """Measure, then write."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--dtype", default="float32")

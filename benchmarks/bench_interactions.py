@@ -1,6 +1,6 @@
 """Write a sheet with one rendered interaction of every kind (docs/pictures/interactions.jpg) and statistics of the set.
 
-    python benchmarks/bench_interactions.py [--rows 12]
+python benchmarks/bench_interactions.py [--rows 12]
 """
 
 from __future__ import annotations

@@ -73,6 +73,7 @@ def row(name: str, config: ModelConfig) -> list[str]:
 
 
 def main() -> None:
+    """Measure, then write."""
     torch.set_num_threads(1)
     cv2.setNumThreads(1)
     rows = [row(name, config) for name, config in MODELS.items()]

@@ -97,6 +97,7 @@ def cpu(command: list[str], folder: Path) -> tuple[float, str]:
 
 
 def write_ours(folder: Path, shards: int, jobs: int, *, factor: int = 3, comment: str = "") -> None:
+    """Write the project of stages for our runner."""
     (folder / "blob.py").write_text(BLOB)
     for salt, name in enumerate("abc"):
         (folder / f"{name}.py").write_text(STAGE.format(factor=factor if name == "b" else 3, salt=salt) + comment)
@@ -137,6 +138,7 @@ def best(measure: Callable[[], tuple[float, str]]) -> tuple[float, str]:
 
 
 def main() -> None:
+    """Measure, then write."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--shards", type=int, default=1000)
     parser.add_argument("--peers", help="a Python that has doit and joblib")

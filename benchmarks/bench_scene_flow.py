@@ -1,6 +1,6 @@
 """Evaluate scene flow of rendered interactions against ground truth, with the time per frame pair; writes scene_flow.md.
 
-    PYTHONPATH=. python benchmarks/bench_scene_flow.py [SEQUENCES]
+PYTHONPATH=. python benchmarks/bench_scene_flow.py [SEQUENCES]
 """
 
 from __future__ import annotations

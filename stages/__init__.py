@@ -1,0 +1,1 @@
+"""Stages: one file, one stage, one public function `run`."""

@@ -24,10 +24,12 @@ class Tiny:
 
     @property
     def source(self) -> Path:
+        """Folder of the tiny source."""
         return self.folder / "tiny"
 
     @property
     def store(self) -> Path:
+        """Folder of the store."""
         return self.folder / "store"
 
     def write(self, kernels: Tiny | None = None) -> Tiny:

@@ -112,8 +112,10 @@ HOMES = {"pybullet": ("afford/common/bullet.py",),
 
 @pytest.mark.parametrize(("package", "home"), HOMES.items())
 def test_one_home_for_each_simulator_and_for_the_viewer(package: str, home: tuple[str, ...]) -> None:
-    """pybullet is imported in one file, mujoco in that of its world and in the reader of its models, rerun in one folder; what an
-    extra installs is never imported by a statement: see registry.extra.
+    """Check that each simulator and the viewer have one home.
+
+    pybullet is imported in one file, mujoco in that of its world and in the reader of its models, rerun in one folder.
+    Packages of an extra are never imported by a statement (`registry.extra`).
     """
     for room in MAY_IMPORT:
         for path in sources(room):
@@ -153,8 +155,9 @@ def loaded_by(statements: str) -> set[str]:
 
 
 def test_importing_the_map_loads_nothing_heavy() -> None:
-    """`import pipeline` and the command line load none of the heavy packages, no stage and no map, so that --help is quick; nor do
-    all the maps load what is heavy.
+    """Check that `--help` is quick.
+
+    `import pipeline` and the command line load no heavy package, no stage and no map. All maps together load no heavy package.
     """
     found = loaded_by("import pipeline, commands.cli")
     assert not found & set(HEAVY) and not [name for name in found if name.startswith(("stages", "maps"))]
@@ -224,8 +227,10 @@ def folders(graph: dict[Path, set[Path]]) -> dict[Path, set[Path]]:
 
 
 def test_imports_have_no_circle() -> None:
-    """Neither files nor folders import each other in a circle. Entries of registries count between folders; within one, a
-    registry may stand beside the Protocol of its entries. An `__init__` hands on what its package has.
+    """Neither files nor folders import each other in a circle.
+
+    Entries of registries count between folders; within one, a registry may be beside the Protocol of its entries. An
+    `__init__` counts as its package.
     """
     files = {path: targets for path, targets in arrows(ROOT, registries=False).items() if path.name != "__init__.py"}
     assert not circles({path: targets - {path} for path, targets in files.items()})

@@ -15,7 +15,7 @@ def narration(key: str, start: int, stop: int, verb: str = "take", text: str = "
 
 
 def label(narrations: list[Narration], frames: range, params: Params | None = None) -> dict[int, list[str]]:
-    """frame -> ids of its narrations"""
+    """Return frame -> ids of its narrations."""
     found = run(narrations, frames, params)
     out: dict[int, list[str]] = {}
     for frame, index in zip(found.frame.tolist(), found.narration.tolist(), strict=True):

@@ -50,8 +50,9 @@ def mutated(data: bytes, rng: random.Random) -> bytes:
 
 
 def fuzz(reader: FuzzedReader, folder: Path, tries: int, seed: int) -> dict[str, int]:
-    """Read `tries` mutations of the reader's sample. Returns how many were accepted and refused; AssertionError, with the seed of
-    the mutation, when an undeclared error comes out or the sentence is no sentence.
+    """Read `tries` mutations of the reader's sample; returns how many were accepted and refused.
+
+    AssertionError, with the seed of the mutation, for an undeclared error or a message that is not one sentence.
     """
     folder.mkdir(parents=True, exist_ok=True)
     path = reader.write(folder)

@@ -22,8 +22,9 @@ COLOURS = {LEFT_HAND: SKIN, RIGHT_HAND: SKIN, SLEEVE: (30, 40, 160), TOUCHED: (2
 
 
 def made_up(name: str, split: str, count: int = 8, size: tuple[int, int] = (64, 96)) -> HandLessons:
-    """Hands are skin-coloured bars from the near edge with a thumb on the inner side, the left one at the left; the right one holds
-    a green thing. Every fourth picture shows none.
+    """Make samples in which hands are skin-coloured bars from the near edge, with a thumb on the inner side.
+
+    The left hand is at the left; the right hand holds a green object. Every fourth picture shows no hand.
     """
     rng = np.random.default_rng([*name.encode()])
     height, width = size

@@ -1,5 +1,6 @@
-"""Tiny random inpainters that tests save and load with the real code, and the names that published checkpoints have, written down
-from the facts about them and not from our classes.
+"""Tiny random inpainters that tests save and load with the real code, and the names of published checkpoints.
+
+The names are written down from the checkpoints, not from our classes.
 """
 
 from __future__ import annotations

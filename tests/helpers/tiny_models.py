@@ -84,8 +84,9 @@ def save_sam3(folder: Path, seed: int = 0) -> Path:
 
 
 def save_backbones(folder: Path, patch: int = 16, seed: int = 0) -> Path:
-    """`vlm/` (LLaVA of CLIP and Llama), `clip/` and `sam/` at 64 x 64, random from a seed, with a byte-level tokenizer that was
-    trained on five words.
+    """Save `vlm/` (LLaVA of CLIP and Llama), `clip/` and `sam/` at 64 x 64, random from a seed.
+
+    The byte-level tokenizer was trained on five words.
     """
     torch.manual_seed(seed)
     shape = {"hidden_size": 32, "intermediate_size": 64, "num_hidden_layers": 2, "num_attention_heads": 2}
@@ -142,8 +143,10 @@ def save_chat(folder: Path, texts: Sequence[str] = (), seed: int = 0) -> Path:
 
 
 def save_parrot(folder: Path, asked: str, answer: str) -> Path:
-    """Such a LLaVA that says `answer` to whatever ends as `asked` in its template, and stops. Nothing is learned: each word of the
-    answer calls for the next one, since layers add nothing and the last one holds pairs of words.
+    """Save a LLaVA that replies `answer` to a prompt that ends as `asked` in its template, and stops.
+
+    It is constructed and not trained: each word of the answer selects the next one, since layers add nothing and the last
+    one holds pairs of words.
     """
     chat = load_model(str(save_chat(folder, (asked, answer))))
     model, tokenizer = chat.model, chat.processor.tokenizer

@@ -20,8 +20,10 @@ GRASP, PUSH = AFFORDANCES.index("grasp"), AFFORDANCES.index("push")
 
 
 def scores(name: str, hit: int = 50, mode: tuple[str, ...] = ("video", "static")) -> InteractionScores:
-    """Two sequences, of grasp and of push, with 100 true pixels each; `hit` of 100 found are right in videos, half as many in
-    pictures, and twice as many whatever they are called; the action of the first is right.
+    """Make the scores of two sequences, of grasp and of push, with 100 true pixels each.
+
+    `hit` of 100 found are right in videos, half as many in pictures, and twice as many without regard to the class. The
+    action of the first sequence is right.
     """
     pixels = np.zeros((2, len(mode), 3, 9), np.int64)
     for n, kind in enumerate((GRASP, PUSH)):

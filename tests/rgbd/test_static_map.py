@@ -98,8 +98,9 @@ def test_sources_of_pictures(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_run_from_nothing_to_three_reports(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Rendered, learned from, asked; what `sor3d` has trained is not trained again, and pictures of a root are asked about with the
-    same weights.
+    """Run from rendering to the reports.
+
+    Models that `sor3d` has trained are not trained again, and pictures of a root are evaluated with the same weights.
     """
     store = tmp_path / "store"
     use_kernel_cache(ROOT, store)

@@ -139,7 +139,9 @@ OTHER = [[300.0, 300.0], [400.0, 300.0], [400.0, 310.0], [300.0, 310.0]]
 
 
 def test_toras_outlines_become_masks(tmp_path: Path) -> None:
-    """Names of EPIC and of Ego4D are read; the first Segmentation block counts; overlapping outlines cancel; areas scale by
+    """Outlines of the TORAS tool are drawn as masks.
+
+    Names of EPIC and of Ego4D are read; the first Segmentation block counts; overlapping outlines cancel; areas scale by
     (855/512) squared.
     """
     export = [document("37_P01_01_benchmark_frame_00000140.png", entity(" right_hand", [SQUARE, HOLE], [OTHER, [[1, 1]]]),

@@ -318,8 +318,9 @@ def painted(before: np.ndarray, after: np.ndarray, colour: tuple[int, int, int])
 
 @pytest.mark.browser
 def test_a_picture_and_a_task_give_both_hands_regions(page: Any, site: Site, model: Path, tmp_path: Path) -> None:
-    """The picture is drawn, then both regions in their colours; toggles, regions and the threshold change what is drawn; a file
-    that is no picture is refused in one sentence and leaves the rest as it was.
+    """The picture is drawn, then both regions in their colours.
+
+    Toggles, regions and the threshold change the drawing; another file is refused in one sentence and changes nothing.
     """
     page.goto(site.url)
     page.set_input_files("#file", write_picture(tmp_path / "kettle.png"))

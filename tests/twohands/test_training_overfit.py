@@ -24,8 +24,9 @@ AS_IT_IS = Augmentation(flip_share=0, crop_share=0, stretch_share=0, nameless_sh
 
 
 def sample(n: int) -> Item:
-    """One of eight: two pictures of four discs, four tasks each, which take the left hand, the right one, or both on one disc or
-    on two.
+    """Make one of eight samples: two pictures of four discs, with four tasks each.
+
+    The tasks take the left hand, the right one, or both on one disc or on two.
     """
     rng = np.random.default_rng(n // 4)
     image = rng.integers(90, 110, (*SIZE, 3), np.uint8)

@@ -45,7 +45,7 @@ def make_key_frame(annotated: AnnotatedImage, dense: bool, corrections: Correcti
     hands: dict[str, list[RawAnnotation]] = {
         side: [row for row, name in zip(rows, names, strict=True) if name == f"{side} hand"] for side in SIDES
     }
-    gloves = {side: [row for row in rows if _worn_on(row) == {side}] for side in SIDES}
+    gloves: dict[str, list[RawAnnotation]] = {side: [row for row in rows if _worn_on(row) == {side}] for side in SIDES}
     for side, found in hands.items():
         if any(not _same_outlines(found[0], other) for other in found[1:]):
             remark = f"{annotated.where}: the {side} hand is annotated {len(found)} times; the frame was left out"
