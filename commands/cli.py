@@ -231,13 +231,17 @@ def backends(
 def export(
     format: Annotated[str, typer.Argument(help="2hands, coco, webdataset (from a data set) or epic (from rendered clips)")],
     folder: Annotated[Path, typer.Argument(help="where to write; must be empty or new")],
+    polygons: Annotated[bool, typer.Option("--polygons", help="coco: masks as polygons of outer contours, without holes, instead "
+                                           "of run lengths")] = False,
+    original_frames: Annotated[bool, typer.Option("--original-frames", help="coco, webdataset: also write the frames with "
+                                                  "hands")] = False,
     source: SourceDir = None,
     store: Store = None,
 ) -> None:
     """Write the last data set, or the rendered clips, in another format."""
     from commands.export import export as write
 
-    raise typer.Exit(write(format, folder, source, store))
+    raise typer.Exit(write(format, folder, source, store, polygons, original_frames))
 
 
 @app.command()

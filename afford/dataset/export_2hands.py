@@ -18,7 +18,7 @@ import cv2
 import h5py
 import numpy as np
 
-from afford.dataset import load, masks
+from afford.dataset import load, masks, metadata
 from afford.dataset.table_schema import MASKS
 from schemas.affordance import TAXONOMY
 
@@ -28,9 +28,15 @@ STRINGS = {"obj_id_left": "object_left", "obj_id_right": "object_right", "noun":
 COLUMNS = ("video", "image", "taxonomy", "height", "width", *STRINGS.values(), *(f"{name}_rle" for name in MASKS))
 
 
+LAYOUT = ("Each video is `<split>/h5/<start>-<end>_<video>.h5` with images (BGR), words and one-hot taxonomy, and "
+          "`<split>/jsons/<start>-<end>_<video>.json` with the outer contours of the masks.")
+
+
 def export(dataset_root: Path, out: Path) -> list[Path]:
-    """Export every split; return the files."""
-    return [path for split in load.splits(dataset_root) for path in _split(dataset_root, split, out / split)]
+    """Export every split, with a README.md; return the files."""
+    splits = load.splits(dataset_root)
+    readme = metadata.write_export_readme(metadata.read_info(dataset_root), out, "2HANDS, as released with 2HandedAfforder", LAYOUT)
+    return [readme, *(path for split in splits for path in _split(dataset_root, split, out / split))]
 
 
 def _split(root: Path, split: str, out: Path) -> Iterator[Path]:

@@ -1,4 +1,4 @@
-"""Metadata of a data set: licence, README.md (Hugging Face dataset card) and croissant.json (MLCommons Croissant 1.0).
+"""Metadata of a data set: licence, citation, README.md (Hugging Face dataset card) and croissant.json (MLCommons Croissant 1.0).
 
 The YAML header of the card makes `load_dataset(folder)` work. Croissant describes the files and columns for search engines and
 loaders.
@@ -6,10 +6,13 @@ loaders.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from afford.common.errors import SourceError
 from afford.common.files import sha256
 from afford.common.video.probe import EPIC_ID
 from afford.dataset.table_schema import Column, Feature
@@ -37,6 +40,15 @@ def licence_of(videos: Iterable[str], stated: str) -> str:
         raise ValueError(f"license: expected {EPIC_LICENCE}, because {epic} is of EPIC-KITCHENS, got {stated!r}; "
                          "leave it out, or rename the video if it is your own")
     return EPIC_LICENCE if epic else stated or UNKNOWN_LICENCE
+
+
+METHOD_PAPER = "2HandedAfforder (2025)"
+EPIC_PAPERS = ("VISOR (2022)", "EPIC-KITCHENS-100 (2022)")
+
+
+def citation(licence: str) -> str:
+    """Return the works to cite: the method, and the sources of the videos for data under EPIC's licence."""
+    return "; ".join((METHOD_PAPER, *(EPIC_PAPERS if licence == EPIC_LICENCE else ())))
 
 
 METHODS = {
@@ -155,6 +167,11 @@ SHARDS = {"@type": "cr:FileSet", "@id": "shards", "name": "shards", "encodingFor
           "includes": "data/*.parquet"}
 
 
+def licence_url(licence: str) -> str:
+    """Return the SPDX page of a licence, '' for a licence that SPDX lacks."""
+    return LICENCES + SPDX[licence] if licence in SPDX else ""
+
+
 def croissant(
     name: str, licence: str, version: str, columns: Iterable[Column], root: Path, shards: Sequence[str]
 ) -> dict[str, Any]:
@@ -165,9 +182,9 @@ def croissant(
         "conformsTo": "http://mlcommons.org/croissant/1.0",
         "name": name,
         "description": "Where to put each hand on an object for a narrated task, extracted from first-person video.",
-        "license": LICENCES + SPDX[licence] if licence in SPDX else licence,
+        "license": licence_url(licence) or licence,
         "version": version,
-        "citeAs": "2HandedAfforder (2025); VISOR (2022); EPIC-KITCHENS-100 (2022)",
+        "citeAs": citation(licence),
         "distribution": [*(_file_object(root, shard) for shard in shards), SHARDS],
         "recordSet": [{"@type": "cr:RecordSet", "@id": "samples", "name": "samples", "description": "one frame with its task",
                        "field": [field for column in columns for field in _fields(column)]}],
@@ -209,3 +226,40 @@ def _data_type(feature: Feature) -> tuple[str, bool]:
         case "Sequence":
             return _data_type(feature["feature"])[0], True
     raise ValueError(f"croissant: expected an Image, ClassLabel, Value or Sequence, got {feature}")
+
+
+@dataclass(frozen=True)
+class PackedInfo:
+    """Name, version and licence of a packed data set."""
+
+    name: str
+    version: str
+    licence: str
+    """licence id on the card"""
+
+
+def read_info(root: Path) -> PackedInfo:
+    """Read name and licence from the YAML header of the card, and the version from croissant.json.
+
+    Raises SourceError when a file is missing, or the header has no name or licence.
+    """
+    try:
+        card = (root / "README.md").read_text(encoding="utf-8")
+        version = json.loads((root / "croissant.json").read_text(encoding="utf-8"))["version"]
+    except (OSError, ValueError, KeyError) as error:
+        raise SourceError(str(root), "README.md and croissant.json of a data set", str(error), "pack the data set again") from error
+    header = dict(line.split(": ", 1) for line in card.split("\n---\n")[0].splitlines() if ": " in line)
+    if not {"pretty_name", "license"} <= header.keys():
+        raise SourceError(str(root / "README.md"), "pretty_name and license in the YAML header", "neither or one of them",
+                          "pack the data set again")
+    return PackedInfo(header["pretty_name"], version, header["license"])
+
+
+def write_export_readme(info: PackedInfo, out: Path, format: str, layout: str) -> Path:
+    """Write the README.md of an export: name, format and layout, licence, citation. Return its path."""
+    licence = f"`{info.licence}`. {LICENCE_NOTES.get(info.licence, '')}".rstrip()
+    path = out / "README.md"
+    out.mkdir(parents=True, exist_ok=True)
+    path.write_text(f"# {info.name}\n\nFormat: {format}. {layout}\n\n## Licence\n\n{licence}\n\n"
+                    f"## Citation\n\n{citation(info.licence)}\n", encoding="utf-8", newline="\n")
+    return path
