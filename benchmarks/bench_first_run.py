@@ -49,7 +49,10 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         clone = Path(folder) / "afford"
         subprocess.run(("git", "clone", "--quiet", ROOT, clone), check=True)
-        lines = [row(command, result, measure(command, clone)) for command, result in rows.items()]
+        lines = []
+        for command, result in rows.items():
+            lines.append(row(command, result, measure(command, clone)))
+            print(lines[-1], end="", flush=True)
     kept = [] if with_tests else re.findall(r"^\| `make test`.*\n", PAGE.read_text(encoding="utf-8"), re.M)
     into(PAGE, BLOCK, SELF, f"On {os.cpu_count()} cores, the first time:\n\n{HEAD}{''.join(lines + kept)}")
 
