@@ -2,7 +2,7 @@
 
     PYTHONPATH=. python benchmarks/bench_faults.py [--only ROOM]
 
-A fault replaces one piece of text that occurs once in a file. The tests of its system run until the first one fails. The script
+A fault replaces one piece of text that occurs once in a file. The named tests run until the first one fails. The script
 ends with exit code 1 when a fault is not found, or when the tests fail without a fault.
 """
 
@@ -29,7 +29,7 @@ Written by `benchmarks/bench_faults.py`. Each row is a fault that was planted al
 
 
 class Fault(NamedTuple):
-    """A fault, and the folder of tests that is expected to find it."""
+    """A fault, and the tests (a folder or a file) that are expected to find it."""
 
     what: str
     file: str
@@ -43,69 +43,74 @@ FAULTS = (
           "afford/extraction/intersection.py",
           "masks[SIDES.index(entity.side)] |= mask",
           "masks[1 - SIDES.index(entity.side)] |= mask",
-          "tests/extraction"),
+          "tests/extraction/test_affordance_intersect.py"),
     Fault("Frame numbers off by one in decoding",
           "afford/common/video/frames.py",
           "indices = source[numbers - 1]",
           "indices = source[np.minimum(numbers, len(source) - 1)]",
-          "tests/common"),
+          "tests/common/test_video.py"),
     Fault("Last row of a row group lost",
           "afford/dataset/parquet_shards.py",
           "pa.Table.from_pylist(group, schema",
           "pa.Table.from_pylist(group[:-1] or group, schema",
-          "tests/extraction"),
+          "tests/extraction/test_dataset_pack.py"),
     Fault("Sign of the value in generalized advantage estimation",
           "afford/grasping/rl/ppo.py",
           "next_value) - value  # delta",
           "next_value) + value  # delta",
-          "tests/grasping"),
-    Fault("Roll of a camera in the wrong direction",
-          "afford/render/camera.py",
-          "frame @ axis_angle((0, 0, 1), roll_rad)",
-          "frame @ axis_angle((0, 0, 1), -roll_rad)",
-          "tests/synthetic"),
+          "tests/grasping/test_ppo.py"),
+    Fault("Hinge that turns the wrong way",
+          "afford/synthetic/assets/object_model.py",
+          "+ np.sin(value)",
+          "- np.sin(value)",
+          "tests/synthetic/test_assets.py"),
+    Fault("Left hand for the right one in mirrored predictions",
+          "afford/twohands/model/predictor.py",
+          "mirrored.probability[::-1, :, :, ::-1]",
+          "mirrored.probability[:, :, :, ::-1]",
+          "tests/twohands/test_predictor_mirror.py"),
     Fault("Stale cache: inputs left out of the key",
           "runner/keys.py",
           '"inputs": dict(inputs),\n        "schemas"',
           '"inputs": sorted(inputs),\n        "schemas"',
-          "tests/runner"),
+          "tests/runner/test_keys.py"),
     Fault("Positive parts taken for negative ones",
           "afford/surface/negative/project.py",
           'note.role == "negative" for note',
           'note.role == "positive" for note',
-          "tests/surface"),
+          "tests/surface/test_negative_affordance_projection.py"),
     Fault("Resumed training repeats a step",
           "afford/training/loop.py",
           "if state.stopped else state.step, plan.steps)",
           "if state.stopped else max(state.step - 1, 0), plan.steps)",
-          "tests/common"),
+          "tests/common/test_training_loop.py"),
     Fault("Scene flow of frames in reverse order",
           "afford/rgbd/scene_flow/clip.py",
           "between(a, b) for a, b",
           "between(b, a) for a, b",
-          "tests/rgbd"),
+          "tests/rgbd/test_scene_flow.py"),
     Fault("Foreign names in a pickle no longer refused",
           "afford/common/unpickle.py",
           "        if self.opaque:\n            return Name",
           "        if full:\n            return Name",
-          "tests/common"),
+          "tests/common/test_unpickle.py"),
     Fault("Time base left out of recorded samples",
           "afford/recording/extraction_results.py",
           "time_ns = EPOCH_NS + sample.time_ns",
           "time_ns = sample.time_ns",
-          "tests/recording"),
+          "tests/recording/test_recording.py"),
     Fault("Dice loss without its factor of two",
           "afford/twohands/model/losses.py",
           "overlap = 2 * (p / scale",
           "overlap = (p / scale",
-          "tests/twohands"),
+          "tests/twohands/test_twohand_losses.py"),
 )  # fmt: skip
 
 
 def main() -> int:
     """Plant, test, restore, write; the exit code."""
     parser = argparse.ArgumentParser()
-    parser.add_argument("--only", default="", help="faults whose tests are in this folder, without writing the page")
+    parser.add_argument("--only", default="", help="faults whose tests have this in their path, without writing the page")
     room = parser.parse_args().only
     faults = [fault for fault in FAULTS if room in fault.tests]
     with tempfile.TemporaryDirectory() as folder:
@@ -133,7 +138,7 @@ def planted(fault: Fault, clone: Path) -> str:
 
 
 def first_failure(clone: Path, tests: str) -> str:
-    """Name of the first failing test in a folder; '' when all pass."""
+    """Name of the first failing test; '' when all pass."""
     command = (sys.executable, "-B", "-m", "pytest", "-q", "-x", "-m", "not slow and not npm", "-p", "no:cacheprovider", tests)
     done = subprocess.run(command, cwd=clone, stdout=subprocess.PIPE, text=True)
     found = re.search(r"^(?:FAILED|ERROR) (\S+)", done.stdout, re.M)
