@@ -81,10 +81,10 @@ demo: $(READY) ## a page at http://127.0.0.1:8000 where the trained model is ask
 	@$(RUN) demo --store "$(STORE)" $(ARGS)
 
 test: $(DEV) ## run every law on small cases (not the tests marked slow or npm)
-	@$(PY) -m pytest -n auto -m "not slow and not npm" $(ARGS)
+	@$(PY) -m pytest -n auto --dist loadfile -m "not slow and not npm" $(ARGS)
 
 test-all: $(DEV) ## run every test: full sizes, browsers, npm and fuzzing too; prints how long it took
-	@$(PY) -m pytest -n auto --durations=20 $(ARGS)
+	@$(PY) -m pytest -n auto --dist loadfile --durations=20 $(ARGS)
 
 check: lint types test ## what CI runs
 
