@@ -65,7 +65,8 @@ def row(command: str, result: str, cost: Cost) -> str:
 def measure(command: str, folder: Path) -> Cost:
     """Run a command in a folder. CalledProcessError when it fails."""
     before, began = used(folder), time.monotonic()
-    process = subprocess.Popen(command.split(), cwd=folder)
+    environment = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "VIRTUAL_ENV")}
+    process = subprocess.Popen(command.split(), cwd=folder, env=environment)
     peak, done = [0.0], threading.Event()
     watcher = threading.Thread(target=watch, args=(process.pid, peak, done))
     watcher.start()
