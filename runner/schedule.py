@@ -264,6 +264,11 @@ class Schedule:
         """Decide again about tasks whose inputs have been computed again, or have failed."""
         ready = [entry for entry in self._waiting if entry[0] <= self.walk.outcome.keys()]
         if not ready and self._waiting and not (self._ready or self._running or self._parked):
+            for at, path in set().union(*(places for places, _ in self._waiting)) - self.walk.outcome.keys():
+                self.walk.retry(self.walk.graph.nodes[at], path)  # withdrawn again while it was propagated
+            follow()
+            ready = [entry for entry in self._waiting if entry[0] <= self.walk.outcome.keys()]
+        if not ready and self._waiting and not (self._ready or self._running or self._parked):
             raise AssertionError(f"{self._waiting[0][1].node.name} waits for an input that no task produces")
         self._waiting = [entry for entry in self._waiting if entry not in ready]
         if ready:
