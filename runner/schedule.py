@@ -249,12 +249,12 @@ class Schedule:
             self._fail(task, f"input {lost[:12]} could not be read although it was computed again {MAX_RETRIES} times")
             return
         self._planner.store.forget(lost)
+        remade = {place for places, _ in self._waiting for place in places} - self.walk.outcome.keys()
         try:
             makers = self.walk.reopen(lost)
         except OSError as error:
             self._fail(task, str(error))
             return
-        remade = {place for places, _ in self._waiting for place in places} - self.walk.outcome.keys()
         self._waiting.append((set(makers), task))
         for at, path in makers:
             if (at, path) not in remade:
@@ -263,11 +263,6 @@ class Schedule:
     def _resume(self, follow: Callable[[], None]) -> None:
         """Decide again about tasks whose inputs have been computed again, or have failed."""
         ready = [entry for entry in self._waiting if entry[0] <= self.walk.outcome.keys()]
-        if not ready and self._waiting and not (self._ready or self._running or self._parked):
-            for at, path in set().union(*(places for places, _ in self._waiting)) - self.walk.outcome.keys():
-                self.walk.retry(self.walk.graph.nodes[at], path)  # withdrawn again while it was propagated
-            follow()
-            ready = [entry for entry in self._waiting if entry[0] <= self.walk.outcome.keys()]
         if not ready and self._waiting and not (self._ready or self._running or self._parked):
             raise AssertionError(f"{self._waiting[0][1].node.name} waits for an input that no task produces")
         self._waiting = [entry for entry in self._waiting if entry not in ready]

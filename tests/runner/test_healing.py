@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
@@ -11,6 +13,7 @@ from toy.values import Word
 from toy_project import Project
 
 from runner import Graph
+from runner.execute import Job, JobResult
 from runner.walk import PlanListener, Walk
 from tests.runner.test_crashes import flip
 
@@ -86,6 +89,51 @@ def test_an_outcome_that_is_withdrawn_is_not_propagated(project: Project) -> Non
     assert walk.reopen(digest) == [(split.id, ())]
     walk.follow()
     assert (split.id, ()) not in walk.outcome
+
+
+class ScriptedEngine:
+    """Engine that answers each round of jobs by a function of the running jobs."""
+
+    def __init__(self, *rounds: Callable[[list[Job]], list[JobResult]]) -> None:
+        self.rounds, self.jobs = list(rounds), list[Job]()
+
+    def submit(self, job: Job) -> None:
+        """Queue the job."""
+        self.jobs.append(job)
+
+    def wait(self, patience_s: float) -> list[tuple[str, str, object]]:
+        """Results of the next round; the last one repeats."""
+        results = (self.rounds.pop(0) if len(self.rounds) > 1 else self.rounds[0])(self.jobs)
+        ended = {result.key for result in results}
+        self.jobs = [job for job in self.jobs if job.key not in ended]
+        return [("done", result.key, result) for result in results]
+
+
+def test_a_producer_runs_again_for_a_loss_that_is_reported_after_its_result(project: Project) -> None:
+    """A second reader reports damage in the round in which the output is computed again for the first reader."""
+    first = project.runner().run(forms(), "each")
+    runner = project.runner(2)
+    traces = {trace.key: trace for trace in runner.traces.all()}
+    away = project.store / "away"
+
+    def lost(job: Job) -> JobResult:
+        return JobResult(job.key, "lost", message=traces[job.key].inputs["part"])
+
+    def ran(jobs: list[Job]) -> list[JobResult]:
+        return [JobResult(job.key, "ran", traces[job.key].output) for job in jobs]
+
+    def first_loss(jobs: list[Job]) -> list[JobResult]:
+        (project.store / "blobs").rename(away)
+        return [lost(jobs[0])]
+
+    def result_and_second_loss(jobs: list[Job]) -> list[JobResult]:
+        away.rename(project.store / "blobs")
+        return [*ran(jobs[1:]), lost(jobs[0])]
+
+    engine = ScriptedEngine(first_loss, result_and_second_loss, ran)
+    runner._session = lambda: nullcontext(engine)  # type: ignore[method-assign]
+    report = runner.run(forms(), "each", force=["shout"])
+    assert report.ok and report.outputs == first.outputs and report.ran["split"] == 1
 
 
 def test_a_missing_wanted_output_is_a_failure(project: Project, monkeypatch: pytest.MonkeyPatch) -> None:
