@@ -12,16 +12,17 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import torch
 from safetensors import SafetensorError
-from safetensors.torch import load_file
+from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 
 from afford.common.bounded import reason
 from afford.models.weights import file_stamps
 
+CONFIG, WEIGHTS = "config.json", "model.safetensors"
 NAMED = 8
 """tensors that an error names; further ones are counted"""
 LONGEST = 360
@@ -78,6 +79,20 @@ def read_config(path: Path, kind: type[C], form: str, where: str, hint: str) -> 
         raise ValueError(f"{where}: expected {', '.join(sorted(names))} as whole numbers of 1 to {MAX_SIZE}, got {wrong!r}; {hint}")
     plain: dict[str, Any] = {name: tuple(value) if isinstance(value, list) else value for name, value in fields.items()}
     return kind(**plain)
+
+
+class ModelWeights(Protocol):
+    """A model with named weights."""
+
+    def state_dict(self) -> Mapping[str, Tensor]:
+        """Weights by name."""
+
+
+def write_model(folder: Path, model: ModelWeights, config: Any, form: str) -> None:
+    """Write config.json and model.safetensors, as `read_config` and `fill_from_file` read them."""
+    described = {"format": form, **dataclasses.asdict(config)}
+    (folder / CONFIG).write_text(json.dumps(described, indent=2, sort_keys=True) + "\n", encoding="utf-8")
+    save_file({name: tensor.detach().cpu().contiguous() for name, tensor in model.state_dict().items()}, folder / WEIGHTS)
 
 
 def fill_from_file(model: M, weights: Path, where: str) -> M:

@@ -6,8 +6,6 @@ The person is expected on the near side, as for a head-worn camera; the caller r
 
 from __future__ import annotations
 
-import dataclasses
-import json
 import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -18,11 +16,11 @@ from typing import Any
 import cv2
 import numpy as np
 import torch
-from safetensors.torch import save_file
 from torch import Tensor, nn
 from torch.nn.functional import interpolate, relu
 
-from afford.models.loading import fill_from_file, read_config
+from afford.common.files import empty_folder
+from afford.models.loading import CONFIG, WEIGHTS, fill_from_file, read_config, write_model
 from afford.models.weights import file_stamps
 from schemas.files import FileTree
 
@@ -91,18 +89,14 @@ def _resize(x: Tensor, shape: torch.Size) -> Tensor:
     return interpolate(x, (shape[-2], shape[-1]), mode="bilinear", align_corners=False)
 
 
-CONFIG, WEIGHTS, CARD, FORMAT = "config.json", "model.safetensors", "card.md", "afford-hands-2"
+CARD, FORMAT = "card.md", "afford-hands-2"
 KEPT = ("tensorboard", "previews")
 
 
 def write_network(scratch: Path, model: HandFinder, card: str) -> Path:
     """Write the folder of a trained hand finder, with the curves and previews of its training."""
-    root = scratch / "out"
-    shutil.rmtree(root, ignore_errors=True)
-    root.mkdir(parents=True)
-    described = {"format": FORMAT, **dataclasses.asdict(model.config)}
-    (root / CONFIG).write_text(json.dumps(described, indent=2, sort_keys=True) + "\n", encoding="utf-8")
-    save_file({name: tensor.detach().cpu().contiguous() for name, tensor in model.state_dict().items()}, root / WEIGHTS)
+    root = empty_folder(scratch / "out")
+    write_model(root, model, model.config, FORMAT)
     (root / CARD).write_text(card, encoding="utf-8")
     for folder in KEPT:
         if (scratch / folder).exists():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,12 +12,13 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 
+from afford.models.loading import CONFIG, WEIGHTS, write_model
 from afford.models.tensor_files import load_weights_only
 from afford.rgbd.model.config import Sor3dConfig
 from afford.rgbd.model.layers import Encoder
 from afford.rgbd.model.model import Sor3d, build
 
-CONFIG, WEIGHTS, FORMAT = "config.json", "model.safetensors", "afford-sor3d-1"
+FORMAT = "afford-sor3d-1"
 
 
 class Configured(Protocol):
@@ -33,9 +33,7 @@ class Configured(Protocol):
 def save_model(model: Configured, folder: Path, form: str = FORMAT) -> None:
     """Write config and weights of a model; the same weights give the same bytes. `form` is the format name in the config."""
     folder.mkdir(parents=True, exist_ok=True)
-    described = {"format": form, **dataclasses.asdict(model.config)}
-    (folder / CONFIG).write_text(json.dumps(described, indent=2, sort_keys=True) + "\n", encoding="utf-8")
-    save_file({name: tensor.detach().cpu().contiguous() for name, tensor in model.state_dict().items()}, folder / WEIGHTS)
+    write_model(folder, model, model.config, form)
 
 
 def load_model(folder: Path) -> Sor3d:

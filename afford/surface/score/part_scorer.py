@@ -5,18 +5,16 @@ A scorer is saved as config.json, model.safetensors and a card with its training
 
 from __future__ import annotations
 
-import dataclasses
-import json
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import torch
-from safetensors.torch import save_file
 from torch import Tensor, nn
 
-from afford.models.loading import fill_from_file, read_config
+from afford.common.files import empty_folder
+from afford.models.loading import CONFIG, WEIGHTS, fill_from_file, read_config, write_model
 from afford.models.word_vectors import WordVectors
 from afford.surface.score.samples import CHANNELS, scorer_inputs
 from afford.surface.score.shape_features import SHAPE_FEATURES
@@ -92,17 +90,13 @@ def _trunk(widths: tuple[int, ...]) -> nn.Sequential:
     return nn.Sequential(*layers)
 
 
-CONFIG, WEIGHTS, CARD, FORMAT = "config.json", "model.safetensors", "card.md", "afford-parts-2"
+CARD, FORMAT = "card.md", "afford-parts-2"
 
 
 def save_scorer(scratch: Path, model: PartScorer, card: str) -> Path:
     """Write the files of a scorer, with the TensorBoard files of its training; return the folder."""
-    root = scratch / "out"
-    shutil.rmtree(root, ignore_errors=True)
-    root.mkdir(parents=True)
-    described = {"format": FORMAT, **dataclasses.asdict(model.config)}
-    (root / CONFIG).write_text(json.dumps(described, indent=2, sort_keys=True) + "\n", encoding="utf-8")
-    save_file({name: tensor.detach().cpu().contiguous() for name, tensor in model.state_dict().items()}, root / WEIGHTS)
+    root = empty_folder(scratch / "out")
+    write_model(root, model, model.config, FORMAT)
     (root / CARD).write_text(card, encoding="utf-8")
     if (scratch / "tensorboard").exists():
         shutil.copytree(scratch / "tensorboard", root / "tensorboard")

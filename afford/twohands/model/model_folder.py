@@ -13,15 +13,15 @@ from pathlib import Path
 
 from blake3 import blake3
 from safetensors import SafetensorError
-from safetensors.torch import load_file, save_file
+from safetensors.torch import load_file
 
 from afford.common.errors import SourceError
 from afford.common.text import swap_sides
-from afford.models.loading import fill_weights
+from afford.models.loading import CONFIG, WEIGHTS, fill_weights, write_model
 from afford.models.word_vectors import split_words
 from afford.twohands.model.interface import ModelConfig, TwoHands, build
 
-CONFIG, WEIGHTS, FORMAT = "config.json", "model.safetensors", "afford-twohands-1"
+FORMAT = "afford-twohands-1"
 INSIDE = "model"
 """folder of the model inside a published training"""
 
@@ -29,13 +29,10 @@ INSIDE = "model"
 def save_model(model: TwoHands, folder: Path) -> None:
     """Write a model; equal weights give equal bytes, whatever folder its backbones came from."""
     folder.mkdir(parents=True, exist_ok=True)
-    own = dataclasses.replace(model.config, backbones="")
-    described = {"format": FORMAT, **dataclasses.asdict(own)}
-    texts = {CONFIG: json.dumps(described, indent=2, sort_keys=True) + "\n", **model.extra_files()}
-    for name, text in texts.items():
+    write_model(folder, model, dataclasses.replace(model.config, backbones=""), FORMAT)
+    for name, text in model.extra_files().items():
         (folder / name).parent.mkdir(exist_ok=True)
         (folder / name).write_text(text, encoding="utf-8")
-    save_file({name: tensor.detach().cpu().contiguous() for name, tensor in model.state_dict().items()}, folder / WEIGHTS)
 
 
 def locate_files(folder: Path) -> Path:
