@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import json
 import signal
-import subprocess
-import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
@@ -13,10 +12,12 @@ import pytest
 import torch
 from threadpoolctl import threadpool_limits
 
+from commands import session
 from commands.targets import use
 from pipeline import TARGETS, build
 from runner import RunReport
-from tests.helpers.command import Made
+from tests.helpers import kernels
+from tests.helpers.command import Made, call
 from tests.helpers.shared import shared
 from tests.helpers.tiny_source import write_source
 
@@ -26,6 +27,14 @@ signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background
 use(TARGETS, build)  # as the command line does, for tests that call its parts
 
 ROOT = Path(__file__).resolve().parent.parent
+
+
+@pytest.fixture(scope="session", autouse=True)
+def shared_kernels() -> Iterator[None]:
+    """Share compiled kernels among the stores of all commands that run in this process."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(session, "use_kernel_cache", kernels.use_shared_kernels)
+        yield
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -41,8 +50,11 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
 
     def fill(folder: Path) -> None:
         source = write_source(folder / "tiny", truth=True)
-        printed = [_pipeline(target, source, folder / "store") for target in ("dataset", "extraction-report")]
-        (folder / "first.json").write_text(printed[0].splitlines()[-1])
+        runs = [call("run", target, "--source", source, "--store", folder / "store", "--jobs", "0", "--json")
+                for target in ("dataset", "extraction-report")]  # fmt: skip
+        assert all(run.code == 0 for run in runs), [run.err for run in runs]
+        kernels.copy_kernels(folder / "store")
+        (folder / "first.json").write_text(runs[0].out.splitlines()[-1])
 
     folder = shared(tmp_path_factory, "made", fill)
     return Made(folder / "tiny", folder / "store", json.loads((folder / "first.json").read_text()))
@@ -58,10 +70,3 @@ def compared(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, RunReport]
 
     store = shared(tmp_path_factory, "compared", fill) / "store"
     return store, made_comparison.run(tmp_path_factory.mktemp("compared"), store)
-
-
-def _pipeline(target: str, source: Path, store: Path) -> str:
-    command = [sys.executable, "pipeline.py", "run", target, "--source", source, "--store", store, "--jobs", "1", "--json"]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    return done.stdout

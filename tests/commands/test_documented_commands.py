@@ -10,6 +10,7 @@ slow also plan every documented `run` with `--dry-run`.
 from __future__ import annotations
 
 import importlib.util
+import os
 import re
 import shlex
 import subprocess
@@ -31,6 +32,8 @@ from tests.helpers.command import Made, call
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 SHELLS = ("sh", "bash", "shell", "console")
+FROM_MAKE = ("MAKEFLAGS", "MAKEOVERRIDES", "MFLAGS", "MAKELEVEL", "ARGS")
+"""variables that `make test ARGS=...` passes to the tests"""
 INLINE = re.compile(r"`((?:make|python|afford|pip|pipeline\.py) [^`]+)`")
 ALIASES = (("afford",), ("pipeline.py",), ("python", "pipeline.py"), (".venv/bin/python", "pipeline.py"),
            ("python", "-m", "pipeline"))
@@ -134,7 +137,8 @@ def _fault_of_make(words: Sequence[str]) -> str:
     if unknown:
         return f"the Makefile reads no {unknown[0].partition('=')[0]}"
     ready = [f"-o{stamp}" for stamp in (".venv/.ready", ".venv/.ready-film", ".venv/.ready-gpu", ".venv/.ready-dev")]
-    done = subprocess.run(["make", "-n", *ready, *words[1:]], cwd=ROOT, capture_output=True, text=True)
+    environment = {name: value for name, value in os.environ.items() if name not in FROM_MAKE}
+    done = subprocess.run(["make", "-n", *ready, *words[1:]], cwd=ROOT, env=environment, capture_output=True, text=True)
     if done.returncode:
         return done.stderr.strip().splitlines()[-1]
     recipes = [line for line in done.stdout.splitlines() if line.startswith(".venv/bin/python pipeline")]

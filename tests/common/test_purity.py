@@ -26,6 +26,7 @@ from runner.traces import Trace, Traces
 from tests.helpers import impure_stages, landlock
 from tests.helpers.command import Made
 from tests.helpers.impure_stages import CHEATS
+from tests.helpers.kernels import KERNELS
 from tests.helpers.purity_probe import blobs
 from tests.helpers.purity_stores import ELSEWHERE, Maker, with_fonts
 from tests.helpers.shared import shared
@@ -45,16 +46,15 @@ OTHER_STYLE = "figure.dpi: 33\nlines.linewidth: 9\nsavefig.facecolor: red\nimage
 
 
 class Server:
-    """A process of `tests/helpers/purity_probe.py` in an environment, and a folder for its compiled kernels."""
+    """A process of `tests/helpers/purity_probe.py` in an environment."""
 
-    def __init__(self, environment: Mapping[str, str], kernels: Path) -> None:
-        self._kernels = kernels
+    def __init__(self, environment: Mapping[str, str]) -> None:
         command = [sys.executable, str(ROOT / "tests" / "helpers" / "purity_probe.py")]
         self._process = subprocess.Popen(command, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
 
     def do(self, folder: Path, store: Path, **job: Any) -> Path:
         """Do a job with the fonts of a store, and return its answer."""
-        environment = {"NUMBA_CACHE_DIR": str(self._kernels), "MPLCONFIGDIR": str(store / ".cache" / FONT_FOLDER)}
+        environment = {"NUMBA_CACHE_DIR": str(KERNELS), "MPLCONFIGDIR": str(store / ".cache" / FONT_FOLDER)}
         (folder / "job.json").write_text(json.dumps({"root": str(ROOT), "store": str(store), "environment": environment, **job}))
         assert self._process.stdin and self._process.stdout
         print(folder / "job.json", file=self._process.stdin, flush=True)
@@ -68,23 +68,17 @@ class Server:
 
 
 @pytest.fixture(scope="module")
-def kernels(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder for compiled kernels, so that each is compiled once."""
-    return shared(tmp_path_factory, "kernels", lambda folder: None)
-
-
-@pytest.fixture(scope="module")
-def probe(kernels: Path) -> Iterator[Server]:
+def probe() -> Iterator[Server]:
     """The server that replays stages, in another environment than that of the first run."""
-    server = Server(OTHER_ENVIRONMENT | {name: os.environ[name] for name in MACHINE_KIND if name in os.environ}, kernels)
+    server = Server(OTHER_ENVIRONMENT | {name: os.environ[name] for name in MACHINE_KIND if name in os.environ})
     yield server
     server.close()
 
 
 @pytest.fixture(scope="module")
-def filled(tmp_path_factory: pytest.TempPathFactory, kernels: Path) -> Iterator[Callable[[Maker], Path]]:
+def filled(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[Maker], Path]]:
     """The store that a maker fills when it is first needed."""
-    server = Server(os.environ, kernels)
+    server = Server(os.environ)
 
     def store(maker: Maker) -> Path:
         def fill(folder: Path) -> None:

@@ -1,15 +1,25 @@
-"""Cache of compiled numba kernels, shared by the tests and processes of one test run."""
+"""Compiled numba kernels, shared by all tests and processes of a test run, and by later runs on the same sources."""
 
 from __future__ import annotations
 
+import os
+import shutil
 from pathlib import Path
 
 from afford.common.worker import use_kernel_cache
 
 ROOT = Path(__file__).resolve().parents[2]
+KERNELS = use_kernel_cache(ROOT, ROOT / ".pytest_cache")
+"""numba's cache of this process, and of processes that it starts without a cache of their own"""
 
 
-def share_kernels(tmp_path: Path) -> Path:
-    """Point numba's cache of this process and its workers to one folder for all tests of the run; return that folder."""
-    base = tmp_path.parent
-    return use_kernel_cache(ROOT, (base.parent if base.name.startswith("popen-") else base) / "kernels")
+def use_shared_kernels(root: Path, store: Path) -> Path:
+    """Set numba's cache to the shared one, in place of `use_kernel_cache`."""
+    os.environ["NUMBA_CACHE_DIR"] = str(KERNELS)
+    return KERNELS
+
+
+def copy_kernels(store: Path) -> None:
+    """Copy the shared kernels into the cache of a store, for commands that run in a process of their own."""
+    if KERNELS.exists():
+        shutil.copytree(KERNELS, store / ".cache" / "numba" / KERNELS.name, dirs_exist_ok=True)

@@ -12,7 +12,6 @@ from maps.surface import ObjectHandles, add_affordance
 from runner import Graph, Runner, RunReport
 from schemas.files import FileTree
 from stages.surface import mask_propose, negative_affordance_files, view_render
-from tests.helpers.kernels import share_kernels
 from tests.helpers.made_objects import VIEWS, looked
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -20,7 +19,6 @@ ROOT = Path(__file__).resolve().parents[2]
 
 def run(store: Path, sets: Iterable[str]) -> tuple[Runner, RunReport]:
     """Mesh -> views -> masks -> descriptions -> scores -> surface -> files, on `--set` of these words."""
-    share_kernels(store.parent)
     runner, graph = Runner(store, ROOT, "afford.codecs:CODEC", "afford.common.worker:prepare", jobs=0), Graph()
     p = resolve_weights(settings(["mask_propose.regions.least_px=12", *sets], None), lambda path: runner.hash_file(path)[0])
     x = looked()

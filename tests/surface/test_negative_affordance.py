@@ -12,7 +12,6 @@ from commands.errors import UsageError
 from commands.origin import origin
 from pipeline import build
 from runner import Runner
-from tests.helpers.kernels import share_kernels
 from tests.helpers.made_objects import SMALL, looked
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -34,7 +33,6 @@ def test_folder_of_meshes(tmp_path: Path) -> None:
     meshes, store = tmp_path / "meshes", tmp_path / "store"
     meshes.mkdir()
     labelled(meshes)
-    share_kernels(tmp_path)
     runner = Runner(store, ROOT, "afford.codecs:CODEC", "afford.common.worker:prepare", jobs=0)
     place, source = origin("negative-affordance", meshes, SMALL, lambda path: runner.hash_file(path)[0])
     assert [tree.name for tree in place.meshes] == ["driver", "thing"] and source is not None and source.kind == "meshes"

@@ -16,7 +16,6 @@ from schemas.files import FileTree
 from stages.recording import object_record
 from stages.surface import mask_score, negative_affordance_files, negative_affordance_projection, part_describe
 from tests.helpers.chat_server import GOOD, KEY, VARIABLE, Answer, params, plant, says, serving
-from tests.helpers.kernels import share_kernels
 from tests.helpers.made_objects import looked
 from tests.helpers.tiny_models import save_backbones
 
@@ -121,7 +120,6 @@ def test_key_is_in_no_file(models: Path, tmp_path: Path, capfd: pytest.CaptureFi
     A word of the answer is found in the recording, so that a key would be found as well. Both an answer and a refusal are tested.
     """
     store = tmp_path / "store"
-    share_kernels(tmp_path)
     with serving(lambda _: says(GOOD)) as server:
         good = made(store, whole(params(server), models), "all", jobs=1)
     with serving(lambda _: Answer(401, ECHO, (("X-Key", KEY),))) as refusing:
