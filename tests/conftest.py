@@ -18,6 +18,7 @@ from pipeline import TARGETS, build
 from runner import RunReport
 from tests.helpers import kernels
 from tests.helpers.command import Made, call
+from tests.helpers.fonts import with_fonts
 from tests.helpers.shared import shared
 from tests.helpers.tiny_source import write_source
 
@@ -54,6 +55,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
                 for target in ("dataset", "extraction-report")]  # fmt: skip
         assert all(run.code == 0 for run in runs), [run.err for run in runs]
         kernels.copy_kernels(folder / "store")
+        with_fonts(folder / "store")
         (folder / "first.json").write_text(runs[0].out.splitlines()[-1])
 
     folder = shared(tmp_path_factory, "made", fill)

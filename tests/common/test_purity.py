@@ -25,10 +25,11 @@ from runner.store import Store, prepare_store
 from runner.traces import Trace, Traces
 from tests.helpers import impure_stages, landlock
 from tests.helpers.command import Made
+from tests.helpers.fonts import with_fonts
 from tests.helpers.impure_stages import CHEATS
 from tests.helpers.kernels import KERNELS
 from tests.helpers.purity_probe import blobs
-from tests.helpers.purity_stores import ELSEWHERE, Maker, with_fonts
+from tests.helpers.purity_stores import ELSEWHERE, Maker
 from tests.helpers.shared import shared
 from tests.helpers.stage_files import MODULES
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -41,6 +39,7 @@ from stages.twohands import ablation_report, model_train
 from tests.grasping.test_grasp_compare import comparison, subject
 from tests.helpers import made_sequences
 from tests.helpers.blocks import changed
+from tests.helpers.fonts import with_fonts
 from tests.helpers.made_finder import FINDER
 from tests.helpers.made_hands import PINCER, shadow, written
 from tests.helpers.made_interactions import iit_aff, umd, utkinect
@@ -71,13 +70,6 @@ def run(store: Path, target: str, graph: Graph) -> None:
     """Make a target; it must go well."""
     report = Runner(store, ROOT, "afford.codecs:CODEC", "afford.common.worker:prepare", jobs=0).run(graph, target)
     assert report.ok, report.failures
-
-
-def with_fonts(store: Path) -> Path:
-    """The store, with the list of fonts that matplotlib keeps in it."""
-    code = f"from pathlib import Path; from afford.common.worker import use_font_cache; use_font_cache(Path({str(store)!r}))"
-    subprocess.run([sys.executable, "-c", f"{code}; import matplotlib.font_manager"], cwd=ROOT, check=True)
-    return store
 
 
 def rendered(store: Path, folder: Path) -> None:
