@@ -75,12 +75,12 @@ def merged(parts: Sequence[Fingerprint]) -> Fingerprint:
                        set().union(*(part.third_party for part in parts)), set().union(*(part.files for part in parts)))
 
 
-def reachable_third_party(root: Path, function: str, select: Mapping[str, object] | None = None) -> set[str]:
+def reachable_third_party(modules: Modules, function: str, select: Mapping[str, object] | None = None) -> set[str]:
     """Top-level import names of all packages that a stage can reach, which its LIBRARIES must cover.
 
     `select` restricts the backends; without it, every backend counts.
     """
-    return fingerprint(Modules(root), function, select or {}).third_party
+    return fingerprint(modules, function, select or {}).third_party
 
 
 def changed(old: Mapping[str, str], new: Mapping[str, str]) -> list[str]:

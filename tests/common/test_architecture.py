@@ -31,6 +31,7 @@ def sources(room: str) -> list[Path]:
 
 
 @cache
+@cache
 def parsed(path: Path) -> ast.Module:
     """The syntax tree of a file."""
     return ast.parse(path.read_text())

@@ -69,6 +69,12 @@ class Server:
 
 
 @pytest.fixture(scope="module")
+def modules() -> Modules:
+    """Modules of the project, parsed once."""
+    return Modules(ROOT)
+
+
+@pytest.fixture(scope="module")
 def probe() -> Iterator[Server]:
     """The server that replays stages, in another environment than that of the first run."""
     server = Server(OTHER_ENVIRONMENT | {name: os.environ[name] for name in MACHINE_KIND if name in os.environ})
@@ -100,8 +106,8 @@ def benchmarked(compared: tuple[Path, RunReport]) -> Path:
 
 
 @pytest.mark.parametrize("stage", STAGES)
-def test_stage_is_pure(stage: str, made: Made, filled: Callable[[Maker], Path], probe: Server, request: pytest.FixtureRequest,
-                       tmp_path: Path) -> None:  # fmt: skip
+def test_stage_is_pure(stage: str, made: Made, filled: Callable[[Maker], Path], probe: Server, modules: Modules,
+                       request: pytest.FixtureRequest, tmp_path: Path) -> None:  # fmt: skip
     """Replay a stage with another working directory, environment, clock, hash seed and random state, and read-only inputs.
 
     It gives the same bytes, opens no undeclared file, starts no process, opens no connection and prints nothing.
@@ -111,7 +117,7 @@ def test_stage_is_pure(stage: str, made: Made, filled: Callable[[Maker], Path], 
         store = request.getfixturevalue("benchmarked")
     traces = one_of_each(Traces(store).all(), f"{MODULES[stage]}:run")
     assert traces, f"no run of stages/{stage}.py to repeat: add it to a target of the tiny source"
-    answers = replay(probe, list(map(task, traces)), sources(traces), store, tmp_path)
+    answers = replay(probe, list(map(task, traces)), sources(traces, modules), store, tmp_path)
     for trace, answer in zip(traces, answers, strict=True):
         assert not answer["problems"], "\n".join([trace.stage, *answer["problems"]])
         before = blobs(Store(store, CODEC), trace.output)
@@ -168,9 +174,8 @@ def task(trace: Trace) -> dict[str, Any]:
             "wants_ctx": wants_ctx}
 
 
-def sources(traces: list[Trace]) -> list[str]:
+def sources(traces: list[Trace], modules: Modules) -> list[str]:
     """The files of the project that the key of a stage is taken over: its own, the codec's, those of the worker's hook."""
-    modules = Modules(ROOT)
     found = [fingerprint(modules, trace.function, trace.params["fields"]).files for trace in traces]
     found += [fingerprint(modules, "afford.common.worker:prepare", {}).files,
               fingerprint(modules, "afford.codecs:CODEC", {}, excluded=modules.schemas).files]  # fmt: skip
