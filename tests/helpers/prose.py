@@ -23,7 +23,7 @@ NEGATED = re.compile(r"\b(?:that|which|one that) (?:is|are|was|were) none\b")
 UNIDIOMATIC = re.compile(r"\banew\b|\bgo(?:es)? on at will\b|\bagain to go on\b|\bwhat stands out\b", re.I)
 PHRASES = ((PERSON, "a person for a program"), (NEGATED, "a negated noun"), (UNIDIOMATIC, "not idiomatic English"))
 TEST_WORDS = re.compile(r"(?:^|_)(nobody|whoever|somebody|told|said|anew|is_none|none_is)(?:_|$)")
-COMMIT = re.compile(r"[a-z0-9_.-]+(?:, [a-z0-9_.-]+)*: [^A-Z\s].*")
+COMMIT = re.compile(r"[a-z0-9_.-]+: [^A-Z\s].*")
 SUBJECT_CHARACTERS = 72
 GENERATED = re.compile(r"<!-- ([\w -]+): written by .*?<!-- (?:end of |/)\1 -->", re.S)
 """a block that a script writes out of a report"""
