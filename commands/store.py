@@ -169,7 +169,7 @@ def lineage(artifact: str, store: Path | None, as_json: bool) -> int:
 def _digest_of(runner: Runner, path: Path) -> str:
     """Keep a path in the store; find the blob of a published file by its content."""
     store = runner.store.root.resolve()
-    if path.resolve().is_relative_to(store) and path.resolve().relative_to(store).parts[0] in ("blobs", "manifests"):
+    if path.resolve().is_relative_to(store) and path.resolve().relative_to(store).parts[0] == "blobs":
         return str(path)
     file = path if path.is_file() else next(iter(sorted(p for p in path.rglob("*") if p.is_file())), path)
     blob = runner.hash_file(file)[0]
