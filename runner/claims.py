@@ -101,7 +101,7 @@ class Claims:
         self._remote.attempt(self._collect, None)
 
     def _collect(self) -> None:
-        leases = self._objects.list("leases")  # before the owners: whoever claims after this list is not in it
+        leases = self._objects.list("leases")  # before the owners: a run that registers later is not in this list
         others = self._others()
         dead = [other for other in others if self._is_dead(other)]
         if len(dead) == len(others):

@@ -4,7 +4,7 @@
     traces/NAME.log     rows of finished tasks, see `runner.segments`; an object is never changed
     hosts/ leases/      who is running, and who executes which task: `runner.claims`
 
-Only these travel: no caches, compiled kernels, code, or paths. Whoever can write traces/ is trusted, because a trace states what a
+Only these travel: no caches, compiled kernels, code, or paths. Write access to traces/ means trust, because a trace states what a
 task has produced. While the endpoint cannot be reached, nothing is there to pull, and what a run would push is queued in the
 folder unpushed/ of the local store; the next run that is online pushes it.
 """
@@ -214,7 +214,7 @@ class Remote:
     def _publish(self, blobs: Iterable[str], rows: bytes) -> bool:
         for blob in blobs:
             path = self._local / blob_name(blob)
-            if path.exists():  # a blob that was dropped in the meantime is made again by whoever needs it
+            if path.exists():  # one that was dropped in the meantime is made again when it is needed
                 self._push(blob, path)
         chosen = travelling(rows)
         return not chosen or self._push_rows(chosen)

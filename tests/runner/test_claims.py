@@ -55,7 +55,7 @@ def leases(host: Host) -> list[str]:
 
 
 def test_one_of_several_holds_a_key(server: Server, tmp_path: Path) -> None:
-    """Of 4 hosts that claim 6 keys at once; the holder holds again, others are busy until it releases."""
+    """Four hosts claim six keys at once; the holder holds again, and the key is busy for others until it is released."""
     all_hosts, held = hosts(server, tmp_path, 0, 0, 0, 0), list[str]()
     keys = [f"{number:02d}" * 32 for number in range(6)]
 
@@ -76,7 +76,7 @@ def test_one_of_several_holds_a_key(server: Server, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("offsets", [(0, 0, 0), (0, 7200, -7200), (1e9, 0, 86400)])
 def test_the_claim_of_a_dead_owner_is_taken_over(server: Server, tmp_path: Path, offsets: tuple[float, ...]) -> None:
-    """By one of two; not before its heartbeat has been still for the expiry, whatever the clocks of the hosts show."""
+    """One of two takes over, once the heartbeat has been still for the expiry; clocks of hosts may disagree."""
     dead, one, two = hosts(server, tmp_path, *offsets)
     assert dead.claims.acquire(KEY) == "held"
     for _ in range(3):
@@ -92,7 +92,7 @@ def test_the_claim_of_a_dead_owner_is_taken_over(server: Server, tmp_path: Path,
 
 
 def test_an_owner_that_returns_does_no_harm(server: Server, tmp_path: Path) -> None:
-    """It cannot release the claim of the host that took over, and finds the key busy, later done."""
+    """The owner cannot release the claim of the host that took over, and finds the key busy, later done."""
     late, one, two = hosts(server, tmp_path, 0, 0, 0)
     assert late.claims.acquire(KEY) == "held" and one.claims.acquire(KEY) == "busy"
     one.wait(61)
@@ -115,7 +115,7 @@ def test_a_finished_task_is_claimed_again_on_request(server: Server, tmp_path: P
     assert one.claims.acquire(KEY) == "done"
 
 
-def test_nothing_is_left_when_the_last_run_ends(server: Server, tmp_path: Path) -> None:
+def test_the_last_run_collects_claims_and_owners(server: Server, tmp_path: Path) -> None:
     """Finished claims stay while another run is active; dead owners and their claims are collected by the last one."""
     one, two, dead = hosts(server, tmp_path, 0, 0, 0)
     for number, host in enumerate((one, two, dead)):
@@ -131,14 +131,14 @@ def test_nothing_is_left_when_the_last_run_ends(server: Server, tmp_path: Path) 
 
 
 def test_damaged_claims_are_taken_over(server: Server, tmp_path: Path) -> None:
-    """A claim whose owner cannot be read belongs to nobody."""
+    """A claim whose owner cannot be read does not hold."""
     one, _ = hosts(server, tmp_path, 0, 0)
     one.claims._objects.put(f"leases/{KEY}/1", b"{torn")
     assert one.claims.acquire(KEY) == "held" and leases(one) == [f"{KEY}/1", f"{KEY}/2"]
 
 
 def test_the_thread_writes_heartbeats(server: Server, tmp_path: Path) -> None:
-    """From registering to closing."""
+    """Heartbeats begin with registering and end with closing."""
     remote = Remote.open(f"{server.url}/{uuid.uuid4().hex}", tmp_path)
     claims, written = Claims(remote, beat_s=0.01), threading.Event()
     beat = claims.beat
@@ -200,8 +200,8 @@ def test_ended_processes_of_this_machine_are_dead_at_once(tmp_path: Path) -> Non
 
 @settings(deadline=None, max_examples=40)
 @given(st.lists(st.tuples(st.integers(0, 2), st.sampled_from(["acquire", "fail", "finish", "pause", "wait"])), max_size=40))
-def test_no_two_living_hosts_hold_a_key(tmp_path_factory: pytest.TempPathFactory, steps: list[tuple[int, str]]) -> None:
-    """After any steps of three hosts, of which some pause; and a finished task is not claimed again."""
+def test_a_key_is_held_by_one_living_host(tmp_path_factory: pytest.TempPathFactory, steps: list[tuple[int, str]]) -> None:
+    """Any steps of three hosts, of which some pause, keep this true; a finished task is not claimed again."""
     place = tmp_path_factory.mktemp("steps")
     three = hosts(Server(str(place)), place, 0.0, 1e6, -1e6)
     held, paused, done = set[int](), set[int](), False

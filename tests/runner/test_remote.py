@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import random
+import subprocess
+import sys
 import threading
 import uuid
 import warnings
@@ -58,7 +60,7 @@ def remotes(url: str, tmp_path: Path, number: int = 2) -> list[Remote]:
 
 
 def test_conditional_creation_has_one_winner(url: str) -> None:
-    """Of 6 creators of 10 names at once, one wins each, and its bytes stay."""
+    """Six creators of ten names at once: each name has one winner, whose bytes stay."""
     won: list[tuple[str, int]] = []
 
     def create(number: int) -> None:
@@ -91,7 +93,7 @@ def test_objects_are_put_listed_and_deleted(url: str) -> None:
 
 @pytest.mark.parametrize("bad", ["ftp://host/x", "http://user:word@host/x", "s3:bucket://x"])
 def test_unknown_schemes_are_refused(bad: str, tmp_path: Path) -> None:
-    """In a sentence that lists the known ones."""
+    """The error lists the known ones."""
     with pytest.raises(ValueError, match="use s3://BUCKET/PREFIX") as error:
         Remote.open(bad, tmp_path)
     assert "word" not in str(error.value)
@@ -147,7 +149,7 @@ def test_a_push_overwrites_nothing(url: str, tmp_path: Path, size: int) -> None:
 
 @pytest.mark.parametrize("damage", ["first", "middle", "last", "shorter", "longer", "empty"])
 def test_flipped_blobs_are_found_and_healed(url: str, tmp_path: Path, damage: str) -> None:
-    """Nothing arrives of a damaged blob; whoever has made it again pushes it, and it arrives."""
+    """A damaged blob does not arrive; after the next push it does."""
     remote, objects = remotes(url, tmp_path, 1)[0], open_objects(url)
     data = random.Random(1).randbytes(1000)
     blob, path = stored(tmp_path, data)
@@ -159,6 +161,32 @@ def test_flipped_blobs_are_found_and_healed(url: str, tmp_path: Path, damage: st
     assert os.listdir(tmp_path / "place") == []
     assert remote.push(blob, path) and remote.pull(blob, tmp_path / "place" / "x")
     assert (tmp_path / "place" / "x").read_bytes() == data
+
+
+PEAK = """
+import sys
+from pathlib import Path
+from runner.remote import Remote
+
+def peak():
+    return int(Path("/proc/self/status").read_text().partition("VmHWM:")[2].split()[0]) // 1024
+
+url, local, blob, path, place = sys.argv[1:]
+remote = Remote.open(url, Path(local))
+remote.connect()
+before = peak()
+assert remote.push(blob, Path(path)) and remote.pull(blob, Path(place))
+print(peak() - before)
+"""
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
+def test_memory_is_bounded(tmp_path: Path) -> None:
+    """A file of 25 parts is pushed and pulled in less memory than half of it."""
+    blob, path = stored(tmp_path, random.Random(2).randbytes(PART_BYTES) * 25)
+    words = [tmp_path / "remote", tmp_path, blob, path, tmp_path / "place" / "x"]
+    done = subprocess.run([sys.executable, "-c", PEAK, *map(str, words)], capture_output=True, text=True, check=True)
+    assert int(done.stdout) < 25 * PART_BYTES / 2**21
 
 
 # -- traces --------------------------------------------------------------------------------------------------------
@@ -178,7 +206,7 @@ def test_segments_travel_once(url: str, tmp_path: Path) -> None:
     assert len(list(Remote.open(url, tmp_path / "third").new_segments())) == 3
 
 
-def test_only_shared_rows_travel(url: str, tmp_path: Path) -> None:
+def test_private_rows_stay(url: str, tmp_path: Path) -> None:
     """Uses, drops, failures, files outside the store, torn and damaged lines stay."""
     private = [b'["use","a","c0","k",1.0]', b'["drop","a","d",1.0]', b'["failure","k","a","c0","no","/home/me",1.0]',
                b'["artifact","e","mask",[["m.png","ab",3,0,"/home/me/m.png",[1,2,3,4]]],null]', b'["forget","k"]', b"{torn", b"3"]
@@ -244,7 +272,7 @@ def test_queued_results_are_pushed_by_the_next_run(url: str, tmp_path: Path, mon
 
 
 def test_the_remote_is_tried_again(url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """After some time without requests."""
+    """Requests are sent again after some time without them."""
     remote = remotes(url, tmp_path, 1)[0]
     monkeypatch.setattr(remote_module, "RETRY_AFTER_S", 0.0)
 
@@ -262,7 +290,7 @@ def test_the_remote_is_tried_again(url: str, tmp_path: Path, monkeypatch: pytest
 
 
 def test_a_missing_bucket_is_an_error(server: Server, tmp_path: Path) -> None:
-    """It is no endpoint that is offline: the run has to be configured."""
+    """The run stops, since waiting does not help."""
     if not server.environment:
         pytest.skip("a folder is created")
     scheme = server.url.partition("://")[0]
@@ -274,7 +302,7 @@ def test_a_missing_bucket_is_an_error(server: Server, tmp_path: Path) -> None:
 
 
 def test_wrong_credentials_are_an_error(server: Server, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """It is no endpoint that is offline, either."""
+    """The run stops, since waiting does not help."""
     if not server.url.startswith("az:"):
         pytest.skip("accepts any credentials")
     monkeypatch.setenv("AZURE_STORAGE_ACCOUNT_KEY", "d3Jvbmcga2V5")
@@ -284,7 +312,7 @@ def test_wrong_credentials_are_an_error(server: Server, tmp_path: Path, monkeypa
 
 
 def test_credentials_appear_nowhere(server: Server, url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Not in the texts of a remote, nor of its errors, nor in objects, nor in the local store."""
+    """Texts of a remote and of its errors, objects and the local store contain none."""
     remote = remotes(url, tmp_path, 1)[0]
     blob, _ = stored(tmp_path / "host0", b"data")
     assert remote.publish([blob], ROWS)
@@ -316,7 +344,7 @@ def test_messages_are_scrubbed(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_downloads_leave_nothing_behind(url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """When a request fails in the middle, no file of a part stays."""
+    """A request that fails in the middle leaves no partial file."""
     objects = open_objects(url)
     data = bytes(PART_BYTES + 1)
     objects.put("a", data)
