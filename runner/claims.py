@@ -29,6 +29,8 @@ BEAT_S, EXPIRY_S = 5.0, 60.0
 """time between two heartbeats, and time without one after which an owner is dead"""
 OBSERVE_EVERY = 6
 """heartbeats between two looks at those of all others"""
+BUSY_S = 1.0
+"""time for which a busy key counts as busy without another request"""
 ATTEMPTS = 8
 """tries to create a claim while others create and delete claims on the same key"""
 State = Literal["held", "busy", "done"]
@@ -42,13 +44,15 @@ class Claims:
     """
 
     def __init__(self, remote: Remote, owner: str = "", beat_s: float = BEAT_S, expiry_s: float = EXPIRY_S,
-                 clock: Callable[[], float] = time.monotonic, machine: str = "") -> None:  # fmt: skip
+                 busy_s: float = BUSY_S, clock: Callable[[], float] = time.monotonic, machine: str = "") -> None:  # fmt: skip
         self._remote, self._objects = remote, remote.objects
         self.machine = machine or machine_name()
         self.owner = owner or f"{self.machine}.{os.getpid()}.{uuid.uuid4().hex[:12]}"
-        self._beat_s, self._expiry_s, self._clock = beat_s, expiry_s, clock
+        self._beat_s, self._expiry_s, self._busy_s, self._clock = beat_s, expiry_s, busy_s, clock
         self._numbers: dict[str, int] = {}
         """key -> number of the claim of this process"""
+        self._busy: dict[str, float] = {}
+        """key -> end of the time for which it counts as busy"""
         self._counters: dict[str, tuple[bytes | None, float]] = {}
         """other owner -> content of its heartbeat, and when it was seen first"""
         self._count, self._stop = 0, threading.Event()
@@ -118,7 +122,14 @@ class Claims:
 
         `again` claims a finished task, whose rows or blobs are damaged or gone.
         """
-        return self._remote.attempt(lambda: self._acquire(key, again), "held")
+        if self._clock() < self._busy.get(key, float("-inf")):
+            return "busy"
+        state: State = self._remote.attempt(lambda: self._acquire(key, again), "held")
+        if state == "busy":
+            self._busy[key] = self._clock() + self._busy_s
+        else:
+            self._busy.pop(key, None)
+        return state
 
     def _acquire(self, key: str, again: bool) -> State:
         number = 1

@@ -38,7 +38,7 @@ class Host:
     def __init__(self, url: str, place: Path, name: str, offset: float = 0.0) -> None:
         self.now = offset
         remote = Remote.open(url, place)
-        self.claims = Claims(remote, machine=name, expiry_s=60.0, clock=lambda: self.now)
+        self.claims = Claims(remote, machine=name, expiry_s=60.0, busy_s=0.0, clock=lambda: self.now)
         remote.attempt(self.claims._register, None)
 
     def wait(self, seconds: float) -> None:
@@ -128,6 +128,17 @@ def test_the_last_run_collects_claims_and_owners(server: Server, tmp_path: Path)
     two.wait(61)
     two.claims.close()
     assert leases(two) == [] and two.claims._objects.list("hosts") == []
+
+
+def test_busy_keys_cost_few_requests(server: Server, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A busy key is busy for a while without another request."""
+    one, two = hosts(server, tmp_path, 0, 0)
+    monkeypatch.setattr(two.claims, "_busy_s", 1.0)
+    assert one.claims.acquire(KEY) == "held" and two.claims.acquire(KEY) == "busy"
+    one.claims.release(KEY)
+    assert two.claims.acquire(KEY) == "busy"
+    two.wait(1.5)
+    assert two.claims.acquire(KEY) == "held"
 
 
 def test_damaged_claims_are_taken_over(server: Server, tmp_path: Path) -> None:
