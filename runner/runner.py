@@ -19,7 +19,8 @@ from runner.keys import CodeFingerprints
 from runner.lease import Lease
 from runner.modules import Modules
 from runner.report import Failure, Observer, Reason, RunReport, SilentObserver, TaskPlan
-from runner.schedule import Budget, Limit, Schedule
+from runner.resources import Budget
+from runner.schedule import Limit, Schedule
 from runner.signals import terminating
 from runner.store import Store, StoreError, explain_os, prepare_store
 from runner.task_planner import TaskPlanner
@@ -42,7 +43,7 @@ class Runner:
                  rehash: bool = False, schemas: tuple[str, ...] = ("schemas",), plan_only: bool = False) -> None:
         store, self.root = store.absolute(), root.absolute()
         prepare_store(store)
-        self._budget = Budget(jobs, memory_gib)
+        self._budget = Budget(jobs, memory_gib, scratch=store / "scratch")
         self.index = Index(store)
         self.worker_spec = WorkerSpec(store, codec, worker, self.root, schemas, session=self.index.session)
         self.store = Store(store, resolve(codec), self.index, rehash, plan_only)

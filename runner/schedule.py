@@ -26,6 +26,7 @@ from runner.execute import JobResult
 from runner.graph import Node
 from runner.lease import KeyLeases
 from runner.report import Failure, Observer, Reason, RunReport, increment
+from runner.resources import Budget, Grant
 from runner.task_planner import ShardPath, Task, TaskPlanner
 from runner.walk import DEFERRED, FAILED, NodeShard, Walk
 
@@ -41,14 +42,6 @@ MAX_DEATHS = 1
 """times that a task is tried again after its worker process ended"""
 MAX_OVERTAKES = 2
 """batches that may start, per job of the budget, while another one waits for cores or memory"""
-
-
-@dataclass
-class Budget:
-    """Cores and memory that tasks may use at the same time."""
-
-    jobs: int
-    memory_gib: float
 
 
 @dataclass(frozen=True)
@@ -72,8 +65,7 @@ class Limit:
 class _Batch:
     """Jobs that a worker executes in order, within the resources of one of them."""
 
-    threads: int
-    memory_gib: float
+    grant: Grant
     left: int
 
 
@@ -110,8 +102,7 @@ class Schedule:
         self._ready_of: dict[int, int] = {}
         """node -> number of its ready tasks"""
         self._running: dict[str, tuple[Task, Reason, _Batch]] = {}
-        self._batches: set[int] = set()
-        self._cores, self._memory_gib = 0, 0.0
+        self._batches = 0
         self._paces: dict[int, _Pace] = {}
         self._parked: list[tuple[float, Task, Reason]] = []
         self._duplicates: dict[str, list[Task]] = {}
@@ -207,9 +198,8 @@ class Schedule:
         _, _, batch = self._running.pop(key)
         batch.left -= 1
         if not batch.left:
-            self._cores -= batch.threads
-            self._memory_gib -= batch.memory_gib
-            self._batches.discard(id(batch))
+            self._budget.give(batch.grant)
+            self._batches -= 1
 
     def _show_hits(self) -> None:
         for stage, count in self._hits.items():
@@ -263,20 +253,16 @@ class Schedule:
         return batch
 
     def _start(self, tasks: list[tuple[Task, Reason]]) -> None:
-        spec = self._planner.spec(tasks[0][0].node)
-        batch = _Batch(spec.threads, spec.memory_gib, len(tasks))
-        self._cores += batch.threads
-        self._memory_gib += batch.memory_gib
-        self._batches.add(id(batch))
+        grant = self._budget.take(self._planner.spec(tasks[0][0].node).resources)
+        batch = _Batch(grant, len(tasks))
+        self._batches += 1
         self._running |= {task.key: (task, reason, batch) for task, reason in tasks}
-        self._engine.submit([self._planner.job(task, reason) for task, reason in tasks])
+        self._engine.submit([self._planner.job(task, reason) for task, reason in tasks], grant.visible)
 
     def _fits(self, task: Task) -> bool:
         if self._engine.own_placement:
-            return len(self._batches) < self._engine.window
-        spec = self._planner.spec(task.node)
-        cores, memory_gib = self._cores + spec.threads, self._memory_gib + spec.memory_gib
-        return not self._batches or (cores <= self._budget.jobs and memory_gib <= self._budget.memory_gib)
+            return self._batches < self._engine.window
+        return self._budget.fits(self._planner.spec(task.node).resources)
 
     def _unpark(self) -> None:
         """Queue tasks that another run executed, once nobody holds their key."""
