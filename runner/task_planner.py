@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from runner.execute import Job, JobSpec
 from runner.files import DamagedError, seal, unseal, write_atomic
@@ -19,6 +19,9 @@ from runner.keys import CodeFingerprints, StageSpec, schema_text, stage_spec, ta
 from runner.report import Reason, Why
 from runner.selection import hide_unselected
 from runner.store import Store
+
+if TYPE_CHECKING:
+    from runner.sharing import SharedRun
 
 SHOWN = 3
 Demand = bool | frozenset[str]
@@ -117,8 +120,9 @@ class Task(NamedTuple):
 class TaskPlanner:
     """Computes tasks and decides whether they must run; executes nothing."""
 
-    def __init__(self, store: Store, index: Index, codes: CodeFingerprints, force: Iterable[str] = ()) -> None:
-        self.store, self.index = store, index
+    def __init__(self, store: Store, index: Index, codes: CodeFingerprints, force: Iterable[str] = (),
+                 shared: SharedRun | None = None) -> None:
+        self.store, self.index, self.shared = store, index, shared
         self._codes, self._force = codes, set(force)
         self._specs: dict[int, StageSpec] = {}
         self._jobs: dict[int, JobSpec] = {}
@@ -136,6 +140,12 @@ class TaskPlanner:
         """Build the task, with its key."""
         schemas, text = self._schemas(inputs)
         return Task(node, path, inputs, schemas, task_key(self.spec(node).digest, inputs, text))
+
+    def refresh(self) -> None:
+        """Read the results that other runs, here and on other hosts, have stored."""
+        self.index.refresh()
+        if self.shared is not None:
+            self.shared.refresh()
 
     def decide(self, task: Task, demand: Demand) -> tuple[str, Reason | None]:
         """Return (output, None) if the output is known, ('', reason) if the task must run.
