@@ -296,8 +296,10 @@ class Runner:
     def _add_costs(self, report: RunReport) -> None:
         """Add CPU seconds and peak memory of all tasks that the run used."""
         for stage, shards in report.used.items():
-            for shard, key in shards.items():
-                report.cpu_s[stage, shard], _, report.peak_mib[stage, shard] = self.index.cost(key)
+            places = [(stage, shard) for shard in shards]
+            cpu_s, peak_mib = self.index.costs(shards.values())
+            report.cpu_s.update(zip(places, cpu_s, strict=True))
+            report.peak_mib.update(zip(places, peak_mib, strict=True))
 
     def _limit(self, graph: Graph, target: Any, end: float) -> Limit:
         optional = graph.optional(self._wanted(graph, target))
