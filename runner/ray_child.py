@@ -18,6 +18,7 @@ from runner.execute import Job, JobResult, JobSpec, WorkerSpec, Workplace, execu
 from runner.files import host
 from runner.ray_node import DONE, HEAD, HEAD_BYTES, PROGRESS, REFUSED, STEPS
 from runner.segments import OtherRuns
+from runner.store import prepare_store
 from runner.worker import die_with_parent, load_from_source
 
 
@@ -88,6 +89,8 @@ class Executor:
     def __init__(self, start: dict[str, Any]) -> None:
         spec = WorkerSpec(Path(start["store"]), start["codec"], start["worker"], Path(start["root"]), tuple(start["schemas"]),
                           start["remote"], start["session"])
+        if spec.remote:
+            prepare_store(spec.store)  # the folder of this node
         self.place = Workplace(spec, start["offsets"])
         self._others = self.place.others
         self._all = OtherRuns(spec.store, "none", start["offsets"])
