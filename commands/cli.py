@@ -30,6 +30,10 @@ ParamsFile = Annotated[Path | None, typer.Option("--params", help="TOML or JSON,
 Store = Annotated[Path | None, typer.Option("--store", help="folder of the store; default: artifacts/")]
 Model = Annotated[Path | None, typer.Option("--model", help="folder of a trained model; default: the model trained last")]
 Device = Annotated[str, typer.Option(help="cpu or cuda")]
+Engine = Annotated[str | None, typer.Option(help="inline (in this process), pool (worker processes) or ray; default: pool",
+                                            show_default=False)]  # fmt: skip
+Address = Annotated[str | None, typer.Option(help="Ray cluster, HOST:PORT or auto; default: a private one on this machine",
+                                             show_default=False)]  # fmt: skip
 Json = Annotated[bool, typer.Option("--json", help="print one JSON object as the last line")]
 
 
@@ -61,6 +65,8 @@ def run(
                                                 "default: yes", show_default=False)] = None,
     force: Annotated[list[str] | None, typer.Option(help="run this stage even if cached (repeatable)")] = None,
     jobs: Annotated[int | None, typer.Option(help="worker processes; default: one per core; 0: none")] = None,
+    engine: Engine = None,
+    address: Address = None,
     minutes: Annotated[float | None, typer.Option(min=0, help="time limit, after which optional parts are deferred to the next "
                                                   "run; default: inf (none), for grasp-full and sor3d-ablation 75")] = None,
     store: Store = None,
@@ -72,7 +78,7 @@ def run(
 ) -> None:
     """Run a target; results are cached by code, parameters and inputs."""
     request = _request(target, source, clip, set_, params, store, json, only=only, force=force, jobs=jobs, rehash=rehash,
-                       minutes=minutes, replace=replace, record=record)
+                       minutes=minutes, replace=replace, record=record, engine=engine, address=address)
     if dry_run:
         from commands.store import dry_run as plan
 

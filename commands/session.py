@@ -5,7 +5,11 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 from afford.common.worker import use_font_cache, use_kernel_cache
 from commands.errors import UsageError
@@ -25,9 +29,41 @@ def cores() -> int:
 
 
 DEFAULT_JOBS = cores()
+ENGINES = ("inline", "pool", "ray")
 
 
-def open_runner(store: Path | None = None, jobs: int | None = None, rehash: bool = False, plan_only: bool = False) -> Runner:
+@dataclass(frozen=True)
+class EngineChoice:
+    """Engine of a run by its name, and the address of a Ray cluster (None: a private one)."""
+
+    name: str | None = None
+    address: str | None = None
+
+    def factory(self, jobs: int | None) -> Callable[..., Any] | None:
+        """Maker of the engine; None for the usual one. UsageError when the options do not fit together, or Ray is missing."""
+        if self.name not in (None, *ENGINES):
+            raise UsageError(f"--engine {self.name}: expected {', '.join(ENGINES)}")
+        if self.address is not None and self.name != "ray":
+            raise UsageError("--address: works only with --engine ray")
+        if self.name == "inline" and jobs:
+            raise UsageError(f"--jobs {jobs}: --engine inline has no worker processes; leave one of the two out")
+        if self.name == "pool" and jobs == 0:
+            raise UsageError("--jobs 0: --engine pool needs worker processes; leave one of the two out")
+        return ray_factory(self.address, jobs or DEFAULT_JOBS) if self.name == "ray" else None
+
+
+def ray_factory(address: str | None, jobs: int) -> Callable[..., Any]:
+    """Maker of a Ray engine; a private cluster has these cores, and the memory limit of a run on this machine."""
+    from runner.ray_engine import MISSING, RayEngine
+
+    if find_spec("ray") is None:
+        raise UsageError(MISSING)
+    own = {} if address else {"jobs": jobs, "memory_gib": _memory_gib()}
+    return partial(RayEngine, address=address, **own)
+
+
+def open_runner(store: Path | None = None, jobs: int | None = None, rehash: bool = False, plan_only: bool = False,
+                engine: EngineChoice | None = None) -> Runner:  # fmt: skip
     """Open a runner; StoreError when the store cannot be written to, UsageError when it is a file.
 
     Its memory limit is the free memory at the start, less a margin. `plan_only`: large files that were never hashed are not
@@ -37,10 +73,13 @@ def open_runner(store: Path | None = None, jobs: int | None = None, rehash: bool
     there = next(path for path in (folder, *folder.parents) if os.path.exists(path))
     if not there.is_dir():
         raise UsageError(f"--store {folder}: {there} is a file; name a folder")
+    choice = engine or EngineChoice()
+    factory = choice.factory(jobs)
+    jobs = 0 if choice.name == "inline" else jobs
     use_kernel_cache(ROOT, folder)
     use_font_cache(folder)
     return Runner(folder, ROOT, CODEC, WORKER, jobs=DEFAULT_JOBS if jobs is None else jobs, memory_gib=_memory_gib(),
-                  rehash=rehash, plan_only=plan_only)
+                  rehash=rehash, plan_only=plan_only, engine=factory)
 
 
 def open_existing(store: Path | None = None, plan_only: bool = False) -> Runner:

@@ -16,6 +16,7 @@ import pickle
 import platform
 import shutil
 import signal
+import socket
 import sys
 import tempfile
 import time
@@ -38,6 +39,7 @@ WINDOW = 4
 """batches in flight for each core of the cluster"""
 LOOK_S = 5.0
 """interval at which the nodes of the cluster are listed again"""
+CONNECT_S = 10.0
 END_S = 10.0
 """time in which a batch that was ended must stop, before its Ray worker is killed"""
 MAX_LOSSES = 3
@@ -285,6 +287,7 @@ class Cluster:
             self._init(address="local", num_cpus=jobs, object_store_memory=OBJECT_STORE_BYTES, include_dashboard=False,
                        _temp_dir=str(Path(self.folder) / "r"), **memory)
         elif self._ours:
+            _check_address(address or "auto")
             self._init(address=address)
 
     def cores(self) -> int:
@@ -325,8 +328,7 @@ class Cluster:
             with _kept_signals():
                 self._ray.init(log_to_driver=False, logging_level="ERROR", configure_logging=False, **options)
         except (ConnectionError, RuntimeError, ValueError) as error:
-            raise RayError(f"the Ray cluster at {options['address']} does not answer ({_first_line(error)}); start one with `ray "
-                           "start`, or correct --address") from error
+            raise RayError(f"Ray cannot start, or join the cluster at {options['address']}: {_first_line(error)}") from error
         self._ray._private.worker.print_to_stdstream = _to_stderr  # Ray would print the loss of a node to stdout, at length
         if self.folder and self._ray.util.get_node_ip_address() != LOOPBACK:
             self.leave()
@@ -341,13 +343,27 @@ def load_ray(address: str | None) -> Any:
     os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
     if address is None and "ray" not in sys.modules and not AUTHENTICATION & os.environ.keys():
         os.environ["RAY_AUTH_MODE"], os.environ["RAY_AUTH_TOKEN"] = "token", os.urandom(24).hex()
-    if address is None:
-        os.environ[LOOPBACK_ONLY] = "0"
+    if address is None or address.startswith((LOOPBACK, "localhost")):
+        os.environ[LOOPBACK_ONLY] = "0"  # Ray would otherwise take the name of this machine's network for it
     try:
         import ray
     except ModuleNotFoundError:
         raise RayError(MISSING) from None
     return ray
+
+
+def _check_address(address: str) -> None:
+    """Raise RayError when nothing listens at HOST:PORT; Ray itself would try for minutes."""
+    host, _, port = address.rpartition(":")
+    if address == "auto":
+        return
+    if not host or not port.isdigit():
+        raise RayError(f"--address {address}: expected HOST:PORT of a Ray cluster, or auto")
+    try:
+        socket.create_connection((host, int(port)), CONNECT_S).close()
+    except OSError as error:
+        raise RayError(f"no Ray cluster answers at {address} ({error.strerror or error}); start one with `ray start`, or correct "
+                       "--address") from error
 
 
 def _private_folder() -> str:

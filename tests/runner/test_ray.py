@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import socket
 import sys
 import tempfile
 import threading
@@ -258,6 +259,17 @@ def test_a_missing_package_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> N
 def test_a_client_address_is_refused() -> None:
     with pytest.raises(RayError, match="HOST:PORT"):
         load_ray("ray://127.0.0.1:10001")
+
+
+@needs_ray
+def test_an_address_where_nothing_listens_is_one_sentence(tmp_path: Path) -> None:
+    """Also a malformed one; Ray itself would try for minutes."""
+    spec = Project.make(tmp_path).runner().worker_spec
+    with socket.socket() as closed:
+        closed.bind(("127.0.0.1", 0))
+        for address, words in ((f"127.0.0.1:{closed.getsockname()[1]}", "no Ray cluster answers"), ("here", "expected HOST:PORT")):
+            with pytest.raises(RayError, match=words):
+                RayEngine(spec, address=address)
 
 
 def parcels(root: Path) -> Parcels:
