@@ -6,12 +6,12 @@ import os
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from afford.common.worker import use_font_cache, use_kernel_cache
+from afford.common.kernel_cache import use_kernel_cache
+from afford.common.worker import use_font_cache
 from commands.errors import UsageError
 from runner import Runner, is_store
 
@@ -53,13 +53,23 @@ class EngineChoice:
 
 
 def ray_factory(address: str | None, jobs: int) -> Callable[..., Any]:
-    """Maker of a Ray engine; a private cluster has these cores, and the memory limit of a run on this machine."""
-    from runner.ray_engine import MISSING, RayEngine
+    """Maker of a Ray engine, which raises UsageError when the cluster does not answer.
+
+    A private cluster has these cores, and the memory limit of a run on this machine.
+    """
+    from runner.ray_engine import MISSING, RayEngine, RayError
 
     if find_spec("ray") is None:
         raise UsageError(MISSING)
-    own = {} if address else {"jobs": jobs, "memory_gib": _memory_gib()}
-    return partial(RayEngine, address=address, **own)
+    own: dict[str, Any] = {} if address else {"jobs": jobs, "memory_gib": _memory_gib()}
+
+    def make(*arguments: Any) -> RayEngine:
+        try:
+            return RayEngine(*arguments, address=address, **own)
+        except RayError as error:
+            raise UsageError(f"--engine ray: {error}") from error
+
+    return make
 
 
 def open_runner(store: Path | None = None, jobs: int | None = None, rehash: bool = False, plan_only: bool = False,
@@ -76,7 +86,7 @@ def open_runner(store: Path | None = None, jobs: int | None = None, rehash: bool
     choice = engine or EngineChoice()
     factory = choice.factory(jobs)
     jobs = 0 if choice.name == "inline" else jobs
-    use_kernel_cache(ROOT, folder)
+    use_kernel_cache(folder)
     use_font_cache(folder)
     return Runner(folder, ROOT, CODEC, WORKER, jobs=DEFAULT_JOBS if jobs is None else jobs, memory_gib=_memory_gib(),
                   rehash=rehash, plan_only=plan_only, engine=factory)

@@ -17,12 +17,13 @@ from rich.markup import escape
 from rich.table import Table
 from rich.tree import Tree
 
+from afford.common.kernel_cache import collect_kernels
 from commands.compare import build_columns
 from commands.errors import UsageError, unknown
 from commands.only import plan_only as plan_of_stages
 from commands.origin import origin
 from commands.run import Request
-from commands.session import STORE, digester, open_existing, open_runner
+from commands.session import ROOT, STORE, digester, open_existing, open_runner
 from commands.settings import columns
 from commands.target_graphs import first_target_with, graph_of_request, resolve_stages, resolve_target
 from commands.targets import TARGETS
@@ -169,7 +170,7 @@ def lineage(artifact: str, store: Path | None, as_json: bool) -> int:
 def _digest_of(runner: Runner, path: Path) -> str:
     """Keep a path in the store; find the blob of a published file by its content."""
     store = runner.store.root.resolve()
-    if path.resolve().is_relative_to(store) and path.resolve().relative_to(store).parts[0] in ("blobs", "manifests"):
+    if path.resolve().is_relative_to(store) and path.resolve().relative_to(store).parts[0] == "blobs":
         return str(path)
     file = path if path.is_file() else next(iter(sorted(p for p in path.rglob("*") if p.is_file())), path)
     blob = runner.hash_file(file)[0]
@@ -238,8 +239,10 @@ def verify(store: Path | None, as_json: bool) -> int:
 
 
 def gc(store: Path | None, dry_run: bool, as_json: bool) -> int:
-    """Delete everything that the last use of every shard does not reach, or count it."""
+    """Delete everything that the last use of every shard does not reach, and compiled kernels of old sources, or count it."""
     swept = open_existing(store).gc(dry_run)
+    files, size = collect_kernels(ROOT, store or STORE, dry_run=dry_run)
+    swept = replace(swept, files=swept.files + files, bytes=swept.bytes + size)
     if as_json:
         _print_json(asdict(swept))
     else:

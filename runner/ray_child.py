@@ -16,10 +16,11 @@ from typing import Any
 
 from runner.execute import Job, JobResult, JobSpec, WorkerSpec, Workplace, execute
 from runner.files import host
+from runner.keys import machine_kind
 from runner.ray_node import DONE, HEAD, HEAD_BYTES, PROGRESS, REFUSED, STEPS
 from runner.segments import OtherRuns
 from runner.store import prepare_store
-from runner.worker import die_with_parent, load_from_source
+from runner.worker import _die_with_parent, load_from_source
 
 
 def main(socket_fd: str, lifeline_fd: str) -> None:
@@ -31,7 +32,7 @@ def main(socket_fd: str, lifeline_fd: str) -> None:
     os.dup2(2, 1)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    threading.Thread(target=die_with_parent, args=(int(lifeline_fd),), daemon=True).start()
+    threading.Thread(target=_die_with_parent, args=(int(lifeline_fd),), daemon=True).start()
     channel = Channel(socket.socket(fileno=int(socket_fd)))
     start = json.loads(channel.receive())
     load_from_source(Path(start["root"]))
@@ -97,7 +98,7 @@ class Executor:
         self._checked: tuple[JobSpec | None, str] = (None, "")
 
     def run(self, job: Job, suspects: Collection[str], channel: Channel) -> JobResult:
-        """Execute a job, if the libraries are those in its key.
+        """Execute a job, if the libraries and the kind of machine are those in its key.
 
         A suspect ran on a node that was lost, and so perhaps to its end: the outputs of this run are looked up for it, too.
         """
@@ -110,7 +111,7 @@ class Executor:
 
 
 def differing(spec: JobSpec) -> str:
-    """Name a library that this node has in another version than the key says; '' when none differs."""
+    """Name what this node has otherwise than the key says, a library or the kind of machine; '' when nothing differs."""
     for name, version in spec.libraries.items():
         try:
             found = metadata.version(name)
@@ -118,4 +119,7 @@ def differing(spec: JobSpec) -> str:
             found = "none"
         if found != version:
             return f"node {host()} has {name} {found}, the driver {version}; install the driver's versions on every node"
+    if spec.machine and spec.machine != machine_kind():
+        return (f"the output of {spec.stage} depends on the kind of machine; node {host()} is of the kind {machine_kind()!r}, the "
+                f"driver {spec.machine!r}: start the command on a machine of the nodes' kind")
     return ""

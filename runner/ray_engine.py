@@ -19,13 +19,14 @@ import signal
 import socket
 import sys
 import tempfile
+import threading
 import time
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import MappingProxyType
+from types import FrameType, MappingProxyType
 from typing import Any
 
 from runner import ray_node
@@ -33,6 +34,7 @@ from runner.engines import Message
 from runner.execute import Job, JobResult, JobSpec, WorkerSpec
 from runner.files import unique
 from runner.ray_code import Parcels
+from runner.signals import Terminated
 
 MISSING = "--engine ray needs the package ray, which is not installed; run `make setup EXTRA=ray`"
 WINDOW = 4
@@ -44,7 +46,9 @@ END_S = 10.0
 """time in which a batch that was ended must stop, before its Ray worker is killed"""
 MAX_LOSSES = 3
 """nodes that may be lost under a job before it counts as the cause"""
-CARRIED = ("NUMBA_CACHE_DIR", "MPLCONFIGDIR", "OPENBLAS_CORETYPE")
+SHARE = 0.25
+"""part of a GPU for a task that shares it with others that declare GPU_SHARED"""
+CARRIED = ("NUMBA_CACHE_DIR", "NUMBA_CACHE_LOCATOR_CLASSES", "MPLCONFIGDIR", "OPENBLAS_CORETYPE")
 """environment variables that stage processes share with the driver; no others travel, since they may hold credentials"""
 OBJECT_STORE_BYTES = 100 << 20
 """Ray's object store on a private cluster, which holds the code and nothing else"""
@@ -98,6 +102,9 @@ class RayEngine:
         self._pickled: tuple[JobSpec | None, str, list[Any]] = (None, "", [])
         (spec.store / self._token).parent.mkdir(parents=True, exist_ok=True)
         (spec.store / self._token).touch()
+        self._terminated, self._restore = False, signal.getsignal(signal.SIGTERM)
+        if threading.current_thread() is threading.main_thread() and callable(self._restore):
+            signal.signal(signal.SIGTERM, self._note_sigterm)
 
     @property
     def window(self) -> int:
@@ -123,7 +130,17 @@ class RayEngine:
 
     def wait(self, timeout_s: float | None) -> list[Message]:
         """Return the news of all batches; empty only after the timeout, or when none is in flight."""
-        end = float("inf") if timeout_s is None else time.monotonic() + timeout_s
+        try:
+            self._receive(float("inf") if timeout_s is None else time.monotonic() + timeout_s)
+        except KeyboardInterrupt:
+            if self._terminated:
+                raise Terminated from None  # Ray raises KeyboardInterrupt for every signal
+            raise
+        found, self._messages = self._messages, []
+        return found
+
+    def _receive(self, end: float) -> None:
+        """Read reports until there is a message, or until a time on the monotonic clock."""
         while not self._messages and self._batches:
             left = max(0.0, min(end - time.monotonic(), 1.0))
             ready, _ = self._ray.wait(list(self._batches), num_returns=1, timeout=left, fetch_local=False)
@@ -134,8 +151,6 @@ class RayEngine:
             self._kill_late()
             if time.monotonic() >= end:
                 break
-        found, self._messages = self._messages, []
-        return found
 
     def end(self, key: str) -> None:
         """Stop a job with the stage process that runs it; the unfinished jobs of its batch come back as `returned`."""
@@ -159,6 +174,12 @@ class RayEngine:
         self._pickled = (None, "", [])
         (self._spec.store / self._token).unlink(missing_ok=True)
         self._cluster.leave()
+        if signal.getsignal(signal.SIGTERM) == self._note_sigterm:
+            signal.signal(signal.SIGTERM, self._restore)
+
+    def _note_sigterm(self, number: int, frame: FrameType | None) -> None:
+        self._terminated = True
+        self._restore(number, frame)  # type: ignore[operator]  # it is callable, see __init__
 
     # -- what travels ------------------------------------------------------------------------------------------------
 
@@ -300,13 +321,13 @@ class Cluster:
         self._look()
         able = [node for node in self._nodes if node.get("GPU", 0) >= spec.gpus and node["CPU"] > 0]
         if not able:
-            need = f"{spec.gpus:g} GPU" if spec.gpus else "a core"
+            need = f"{spec.gpus} GPU" if spec.gpus else "a core"
             return (), f"no node of the Ray cluster has {need} for this stage; add one, or select a backend that needs none"
         memory = spec.memory_gib * 2**30
         best = max(able, key=lambda node: (node["CPU"] >= spec.threads and node["memory"] >= memory, node["CPU"], node["memory"]))
         options: dict[str, Any] = {"num_cpus": min(spec.threads, best["CPU"]), "memory": int(min(memory, best["memory"])) or None}
         if spec.gpus:
-            options["num_gpus"] = spec.gpus
+            options["num_gpus"] = SHARE if spec.gpu_shared and spec.gpus == 1 else spec.gpus
         if spec.scratch_gib and best.get("scratch_gib"):
             options["resources"] = (("scratch_gib", min(spec.scratch_gib, best["scratch_gib"])),)
         return tuple(options.items()), ""

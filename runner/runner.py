@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import errno
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from difflib import get_close_matches
 from pathlib import Path
@@ -14,8 +13,8 @@ from runner import upkeep
 from runner.codec import resolve
 from runner.engines import Engine, Inline, Pool
 from runner.execute import WorkerSpec
-from runner.files import FORMAT
 from runner.graph import Graph, Handle, Node
+from runner.index import Index
 from runner.keys import CodeFingerprints
 from runner.lease import Lease
 from runner.modules import Modules
@@ -23,8 +22,7 @@ from runner.report import Failure, Observer, Reason, RunReport, SilentObserver, 
 from runner.schedule import Budget, Limit, Schedule
 from runner.signals import terminating
 from runner.store import Store, StoreError, explain_os, prepare_store
-from runner.task_planner import Task, TaskPlanner
-from runner.traces import Traces, failures, store_format
+from runner.task_planner import TaskPlanner
 from runner.walk import FAILED, NO_OUTPUT, PlanListener, Walk
 
 
@@ -37,18 +35,20 @@ class Runner:
 
     schemas: packages whose doc lines do not count as code; plan_only: large files that were never hashed are not read.
 
+    engine: called with (worker spec, offsets of the segments) for another engine than a pool of `jobs` processes.
+
     StoreError when `store` cannot be written to, or has a previous format.
     """
 
     def __init__(self, store: Path, root: Path, codec: str, worker: str | None = None, jobs: int = 1, memory_gib: float = 4.0,
-                 rehash: bool = False, schemas: tuple[str, ...] = ("schemas",), plan_only: bool = False) -> None:
+                 rehash: bool = False, schemas: tuple[str, ...] = ("schemas",), plan_only: bool = False,
+                 engine: Callable[..., Engine] | None = None) -> None:  # fmt: skip
         store, self.root = store.absolute(), root.absolute()
-        self.worker_spec = WorkerSpec(store, codec, worker, self.root, schemas)
         prepare_store(store)
-        _check_format(store)
-        self._budget = Budget(jobs, memory_gib)
-        self.store = Store(store, resolve(codec), rehash, plan_only)
-        self.traces = Traces(store)
+        self._budget, self._engine = Budget(jobs, memory_gib), engine
+        self.index = Index(store)
+        self.worker_spec = WorkerSpec(store, codec, worker, self.root, schemas, session=self.index.session)
+        self.store = Store(store, resolve(codec), self.index, rehash, plan_only)
         self.modules = Modules(self.root, store / ".cache" / "modules.json", schemas)
 
     # -- run -------------------------------------------------------------------------------------------------------
@@ -81,6 +81,7 @@ class Runner:
                 walk.check_shards()
                 report.failures += _unmade(walk, self._wanted(graph, target))
                 report.outputs = self._outputs(graph, target, walk)
+            self._add_costs(report)
         report.seconds = time.monotonic() - began
         return report
 
@@ -97,6 +98,11 @@ class Runner:
         self._check_names(graph, [stage] if stage else [])
         return [plan for plan in self.plan(graph, target)
                 if stage in (None, plan.stage) and (shard is None or shard in (plan.shard, *plan.shard.split("/")))]
+
+    @property
+    def traces(self) -> Index:
+        """Index of all traces of the store."""
+        return self.index
 
     # -- read ------------------------------------------------------------------------------------------------------
 
@@ -135,18 +141,18 @@ class Runner:
 
     def failures(self) -> list[dict[str, str]]:
         """key, stage, shard, message and traceback of every failure without a later success."""
-        return failures(self.store.root)
+        return self.index.failures()
 
     def lineage(self, artifact: str) -> upkeep.Provenance:
         """Provenance of an artifact (digest, its prefix, or a path in the store), down to the leafs."""
-        return upkeep.lineage(self.store, self.traces, artifact)
+        return upkeep.lineage(self.store, self.index, artifact)
 
     def verify(self) -> upkeep.VerifyResult:
         """Hash every stored file again.
 
         Damaged files are moved aside, and the next run computes them again.
         """
-        return upkeep.verify(self.store, self.traces)
+        return upkeep.verify(self.store, self.index)
 
     def gc(self, dry_run: bool = False) -> upkeep.GcResult:
         """Delete everything that the last use of every shard does not reach; with `dry_run`, only count it.
@@ -157,9 +163,9 @@ class Runner:
         if not lease.held:
             raise StoreError(f"a run is using {self.store.root}; run gc when it has ended")
         try:
-            self.traces = Traces(self.store.root)  # read again, now that no run can add traces
+            self.index.load()  # again, now that no run can add traces
             self.store.renew()
-            return upkeep.gc(self.store, self.traces, dry_run)
+            return upkeep.gc(self.store, self.index, dry_run)
         finally:
             lease.release(remove=False)
 
@@ -169,16 +175,17 @@ class Runner:
         """Build a planner on the current state of code and store."""
         self.modules.renew()
         self.store.renew()
-        self.traces.renew()
+        self.index.refresh()
         fingerprints = CodeFingerprints(self.modules, self.worker_spec.codec, self.worker_spec.worker)
-        return TaskPlanner(self.store, self.traces, fingerprints, force)
+        return TaskPlanner(self.store, self.index, fingerprints, force)
 
     @contextmanager
     def _session(self) -> Iterator[Engine]:
         """Open an engine under the shared lease that keeps gc away; write the caches at the end, also after Ctrl-C."""
         with terminating():
             lease = self._share()
-            engine: Engine = Pool(self.worker_spec) if self._budget.jobs else Inline(self.worker_spec)
+            kind = self._engine or (Pool if self._budget.jobs else Inline)
+            engine: Engine = kind(self.worker_spec, self.index.offsets())
             try:
                 yield engine
             except StoreError:
@@ -196,11 +203,11 @@ class Runner:
     def _share(self) -> Lease:
         """Take the shared lease.
 
-        Leftovers of killed runs in scratch/ and leases/ are removed if no other run is open.
+        Leftovers of killed runs are removed, and segments mended and merged, if no other run is open.
         """
         alone = Lease(self.store.root / "leases" / "store.lock")
         if alone.held:
-            upkeep.sweep(self.store.root)
+            upkeep.sweep(self.store.root, self.index)
             alone.release(remove=False)
         while not (lease := Lease(self.store.root / "leases" / "store.lock", shared=True)).held:
             time.sleep(0.1)  # gc is running; it is short
@@ -208,7 +215,7 @@ class Runner:
 
     def _save(self) -> None:
         try:
-            self.traces.save()
+            self.index.save()
             self.store.save()
             self.modules.save()
         except OSError as error:
@@ -230,8 +237,8 @@ class Runner:
         node = next(node for node in graph.stages() if node.name == name)
         fresh = self._planned(graph, Handle(graph, node), None, ()).tasks
         made: dict[str, str] = {}
-        for shard, key in sorted(self.traces.shards(name).items()):
-            trace = self.traces.get(key)
+        for shard, key in sorted(self.index.shards(name).items()):
+            trace = self.index.get(key)
             if trace is None or (shards and not shards & {shard, *shard.split("/")}):
                 continue
             now = fresh.get((name, shard))
@@ -249,14 +256,20 @@ class Runner:
 
     def _again(self, node: Node, path: tuple[str, ...], inputs: dict[str, str], schedule: Schedule) -> str:
         planner = schedule.walk.planner
-        task: Task = planner.task(node, path, inputs)
-        output, reason = planner.decide(task)
+        task = planner.task(node, path, inputs)
+        output, reason = planner.decide(task, True)
         if reason is None:
             schedule.cached(task, output)
             schedule.walk.publish(node, path, output)
         else:
             schedule.needed(task, Reason(reason.why, reason.detail))
         return task.key
+
+    def _add_costs(self, report: RunReport) -> None:
+        """Add CPU seconds and peak memory of all tasks that the run used."""
+        for stage, shards in report.used.items():
+            for shard, key in shards.items():
+                report.cpu_s[stage, shard], _, report.peak_mib[stage, shard] = self.index.cost(key)
 
     def _limit(self, graph: Graph, target: Any, end: float) -> Limit:
         optional = graph.optional(self._wanted(graph, target))
@@ -280,17 +293,6 @@ class Runner:
         for name in names:
             if name not in valid:
                 raise UnknownNameError(f"unknown stage {name!r}; the nearest are {_nearest(name, valid)}")
-
-
-def _check_format(root: Path) -> None:
-    """Raise StoreError for a store of a previous format.
-
-    None of its keys would match, and everything would silently be computed again.
-    """
-    found = store_format(root)
-    if found not in (None, FORMAT):
-        raise StoreError(errno.EINVAL, f"the store {root} has a previous format (expected {FORMAT}, got {found}), whose "
-                                       "keys depend on code locations; delete it, or choose another folder for the store")
 
 
 def _unmade(walk: Walk, wanted: Iterable[Node]) -> list[Failure]:
