@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -14,6 +14,7 @@ from afford.common.kernel_cache import use_kernel_cache
 from afford.common.worker import use_font_cache
 from commands.errors import UsageError
 from runner import Runner, is_store
+from runner.execute import WorkerSpec
 
 ROOT = Path(__file__).resolve().parent.parent
 STORE = ROOT / "artifacts"
@@ -63,9 +64,9 @@ def ray_factory(address: str | None, jobs: int) -> Callable[..., Any]:
         raise UsageError(MISSING)
     own: dict[str, Any] = {} if address else {"jobs": jobs, "memory_gib": _memory_gib()}
 
-    def make(*arguments: Any) -> RayEngine:
+    def make(spec: WorkerSpec, offsets: Mapping[str, int]) -> RayEngine:
         try:
-            return RayEngine(*arguments, address=address, **own)
+            return RayEngine(spec, offsets, address, **own)
         except RayError as error:
             raise UsageError(f"--engine ray: {error}") from error
 

@@ -102,7 +102,8 @@ class RayEngine:
         self._pickled: tuple[JobSpec | None, str, list[Any]] = (None, "", [])
         (spec.store / self._token).parent.mkdir(parents=True, exist_ok=True)
         (spec.store / self._token).touch()
-        self._terminated, self._restore = False, signal.getsignal(signal.SIGTERM)
+        self._terminated = False
+        self._restore: Any = signal.getsignal(signal.SIGTERM)
         if threading.current_thread() is threading.main_thread() and callable(self._restore):
             signal.signal(signal.SIGTERM, self._note_sigterm)
 
@@ -179,7 +180,7 @@ class RayEngine:
 
     def _note_sigterm(self, number: int, frame: FrameType | None) -> None:
         self._terminated = True
-        self._restore(number, frame)  # type: ignore[operator]  # it is callable, see __init__
+        self._restore(number, frame)
 
     # -- what travels ------------------------------------------------------------------------------------------------
 
