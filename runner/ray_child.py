@@ -89,7 +89,7 @@ class Executor:
 
     def __init__(self, start: dict[str, Any]) -> None:
         spec = WorkerSpec(Path(start["store"]), start["codec"], start["worker"], Path(start["root"]), tuple(start["schemas"]),
-                          start["remote"], start["session"])
+                          start["remote"], start["session"], start["owner"])
         if spec.remote:
             prepare_store(spec.store)  # the folder of this node
         self.place = Workplace(spec, start["offsets"])

@@ -34,6 +34,7 @@ from runner.engines import Message
 from runner.execute import Job, JobResult, JobSpec, WorkerSpec
 from runner.files import unique
 from runner.ray_code import Parcels
+from runner.resources import Resources
 from runner.signals import Terminated
 
 MISSING = "--engine ray needs the package ray, which is not installed; run `make setup EXTRA=ray`"
@@ -117,10 +118,10 @@ class RayEngine:
         """Folder of a private cluster, which holds its logs; '' for another one."""
         return self._cluster.folder
 
-    def submit(self, jobs: list[Job]) -> None:
-        """Submit one batch, all of one stage."""
+    def submit(self, jobs: list[Job], gpus: tuple[str, ...] = ()) -> None:
+        """Submit one batch, all of one stage; Ray chooses its GPUs."""
         spec = jobs[0].spec
-        options, refusal = self._cluster.place(spec)
+        options, refusal = self._cluster.place(spec.resources)
         if refusal:
             self._messages += [("done", job.key, JobResult(job.key, "failed", message=refusal)) for job in jobs]
             return
@@ -207,7 +208,7 @@ class RayEngine:
         spec = self._spec
         return {"root": str(spec.root), "engine": str(Path(__file__).resolve().parent.parent), "store": str(spec.store),
                 "token": str(self._token), "codec": spec.codec, "worker": spec.worker, "schemas": list(spec.schemas),
-                "remote": spec.remote, "session": spec.session, "python": platform.python_version(),
+                "remote": spec.remote, "session": spec.session, "owner": spec.owner, "python": platform.python_version(),
                 "offsets": {} if spec.remote else self._offsets,
                 "environment": {name: os.environ[name] for name in CARRIED if name in os.environ}}
 
@@ -317,20 +318,21 @@ class Cluster:
         self._look()
         return int(sum(node.get("CPU", 0) for node in self._nodes))
 
-    def place(self, spec: JobSpec) -> tuple[tuple[tuple[str, Any], ...], str]:
+    def place(self, needs: Resources) -> tuple[tuple[tuple[str, Any], ...], str]:
         """Resources to request for a job, at most those of the best node; and why no node can run it ('': one can)."""
         self._look()
-        able = [node for node in self._nodes if node.get("GPU", 0) >= spec.gpus and node["CPU"] > 0]
+        able = [node for node in self._nodes if node.get("GPU", 0) >= needs.gpus and node["CPU"] > 0]
         if not able:
-            need = f"{spec.gpus} GPU" if spec.gpus else "a core"
-            return (), f"no node of the Ray cluster has {need} for this stage; add one, or select a backend that needs none"
-        memory = spec.memory_gib * 2**30
-        best = max(able, key=lambda node: (node["CPU"] >= spec.threads and node["memory"] >= memory, node["CPU"], node["memory"]))
-        options: dict[str, Any] = {"num_cpus": min(spec.threads, best["CPU"]), "memory": int(min(memory, best["memory"])) or None}
-        if spec.gpus:
-            options["num_gpus"] = SHARE if spec.gpu_shared and spec.gpus == 1 else spec.gpus
-        if spec.scratch_gib and best.get("scratch_gib"):
-            options["resources"] = (("scratch_gib", min(spec.scratch_gib, best["scratch_gib"])),)
+            lacking = f"{needs.gpus} GPU" if needs.gpus else "a core"
+            return (), f"no node of the Ray cluster has {lacking} for this stage; add one, or select a backend that needs none"
+        memory = needs.memory_gib * 2**30
+        best = max(able, key=lambda node: (node["CPU"] >= needs.threads and node["memory"] >= memory, node["CPU"], node["memory"]))
+        options: dict[str, Any] = {
+            "num_cpus": min(needs.threads, best["CPU"]), "memory": int(min(memory, best["memory"])) or None}
+        if needs.gpus:
+            options["num_gpus"] = SHARE if needs.gpu_shared and needs.gpus == 1 else needs.gpus
+        if needs.scratch_gib and best.get("scratch_gib"):
+            options["resources"] = (("scratch_gib", min(needs.scratch_gib, best["scratch_gib"])),)
         return tuple(options.items()), ""
 
     def leave(self) -> None:

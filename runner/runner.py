@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from runner import upkeep
 from runner.codec import resolve
@@ -19,11 +19,16 @@ from runner.keys import CodeFingerprints
 from runner.lease import Lease
 from runner.modules import Modules
 from runner.report import Failure, Observer, Reason, RunReport, SilentObserver, TaskPlan
-from runner.schedule import Budget, Limit, Schedule
+from runner.resources import Budget
+from runner.schedule import Limit, Schedule
 from runner.signals import terminating
 from runner.store import Store, StoreError, explain_os, prepare_store
 from runner.task_planner import TaskPlanner
 from runner.walk import FAILED, NO_OUTPUT, PlanListener, Walk
+
+if TYPE_CHECKING:
+    from runner.remote import Remote
+    from runner.sharing import SharedRun
 
 
 class Runner:
@@ -35,20 +40,24 @@ class Runner:
 
     schemas: packages whose doc lines do not count as code; plan_only: large files that were never hashed are not read.
 
+    remote: URL of a store that several hosts share, see docs/remote.md.
+
     engine: called with (worker spec, offsets of the segments) for another engine than a pool of `jobs` processes.
 
-    StoreError when `store` cannot be written to, or has a previous format.
+    StoreError when `store` cannot be written to, or has a previous format; ValueError for a URL that cannot be used.
     """
 
     def __init__(self, store: Path, root: Path, codec: str, worker: str | None = None, jobs: int = 1, memory_gib: float = 4.0,
                  rehash: bool = False, schemas: tuple[str, ...] = ("schemas",), plan_only: bool = False,
-                 engine: Callable[..., Engine] | None = None) -> None:  # fmt: skip
+                 remote: str | None = None, engine: Callable[..., Engine] | None = None) -> None:  # fmt: skip
         store, self.root = store.absolute(), root.absolute()
         prepare_store(store)
-        self._budget, self._engine = Budget(jobs, memory_gib), engine
+        self._budget, self._engine = Budget(jobs, memory_gib, scratch=store / "scratch"), engine
         self.index = Index(store)
-        self.worker_spec = WorkerSpec(store, codec, worker, self.root, schemas, session=self.index.session)
-        self.store = Store(store, resolve(codec), self.index, rehash, plan_only)
+        self._remote, self._shared = self._open(remote, store)
+        self.worker_spec = WorkerSpec(store, codec, worker, self.root, schemas, remote, self.index.session,
+                                      self._shared.owner if self._shared else "")
+        self.store = Store(store, resolve(codec), self.index, rehash, plan_only, self._remote)
         self.modules = Modules(self.root, store / ".cache" / "modules.json", schemas)
 
     # -- run -------------------------------------------------------------------------------------------------------
@@ -171,18 +180,29 @@ class Runner:
 
     # -- private ---------------------------------------------------------------------------------------------------
 
+    def _open(self, url: str | None, store: Path) -> tuple[Remote | None, SharedRun | None]:
+        if url is None:
+            return None, None
+        from runner.remote import Remote
+        from runner.sharing import SharedRun
+
+        remote = Remote.open(url, store, session=self.index.session)
+        return remote, SharedRun(remote, self.index)
+
     def _task_planner(self, force: Iterable[str]) -> TaskPlanner:
         """Build a planner on the current state of code and store."""
         self.modules.renew()
         self.store.renew()
-        self.index.refresh()
         fingerprints = CodeFingerprints(self.modules, self.worker_spec.codec, self.worker_spec.worker)
-        return TaskPlanner(self.store, self.index, fingerprints, force)
+        planner = TaskPlanner(self.store, self.index, fingerprints, force, self._shared)
+        planner.refresh()
+        return planner
 
     @contextmanager
     def _session(self) -> Iterator[Engine]:
         """Open an engine under the shared lease that keeps gc away; write the caches at the end, also after Ctrl-C."""
         with terminating():
+            self._join()
             lease = self._share()
             kind = self._engine or (Pool if self._budget.jobs else Inline)
             engine: Engine = kind(self.worker_spec, self.index.offsets())
@@ -196,9 +216,19 @@ class Runner:
             finally:
                 engine.close()
                 try:
+                    if self._shared is not None:
+                        self._shared.end()
                     self._save()
                 finally:
                     lease.release(remove=False)
+
+    def _join(self) -> None:
+        """Register the run with the other hosts; StoreError when the remote store refuses requests."""
+        if self._shared is not None:
+            try:
+                self._shared.begin()
+            except OSError as error:
+                raise StoreError(str(error)) from None
 
     def _share(self) -> Lease:
         """Take the shared lease.

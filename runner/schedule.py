@@ -26,6 +26,7 @@ from runner.execute import JobResult
 from runner.graph import Node
 from runner.lease import KeyLeases
 from runner.report import Failure, Observer, Reason, RunReport, increment
+from runner.resources import Budget, Grant
 from runner.task_planner import ShardPath, Task, TaskPlanner
 from runner.walk import DEFERRED, FAILED, NodeShard, Walk
 
@@ -41,14 +42,6 @@ MAX_DEATHS = 1
 """times that a task is tried again after its worker process ended"""
 MAX_OVERTAKES = 2
 """batches that may start, per job of the budget, while another one waits for cores or memory"""
-
-
-@dataclass
-class Budget:
-    """Cores and memory that tasks may use at the same time."""
-
-    jobs: int
-    memory_gib: float
 
 
 @dataclass(frozen=True)
@@ -72,8 +65,7 @@ class Limit:
 class _Batch:
     """Jobs that a worker executes in order, within the resources of one of them."""
 
-    threads: int
-    memory_gib: float
+    grant: Grant
     left: int
 
 
@@ -110,8 +102,7 @@ class Schedule:
         self._ready_of: dict[int, int] = {}
         """node -> number of its ready tasks"""
         self._running: dict[str, tuple[Task, Reason, _Batch]] = {}
-        self._batches: set[int] = set()
-        self._cores, self._memory_gib = 0, 0.0
+        self._batches = 0
         self._paces: dict[int, _Pace] = {}
         self._parked: list[tuple[float, Task, Reason]] = []
         self._duplicates: dict[str, list[Task]] = {}
@@ -207,9 +198,8 @@ class Schedule:
         _, _, batch = self._running.pop(key)
         batch.left -= 1
         if not batch.left:
-            self._cores -= batch.threads
-            self._memory_gib -= batch.memory_gib
-            self._batches.discard(id(batch))
+            self._budget.give(batch.grant)
+            self._batches -= 1
 
     def _show_hits(self) -> None:
         for stage, count in self._hits.items():
@@ -264,20 +254,16 @@ class Schedule:
         return batch
 
     def _start(self, tasks: list[tuple[Task, Reason]]) -> None:
-        spec = self._planner.spec(tasks[0][0].node)
-        batch = _Batch(spec.threads, spec.memory_gib, len(tasks))
-        self._cores += batch.threads
-        self._memory_gib += batch.memory_gib
-        self._batches.add(id(batch))
+        grant = self._budget.take(self._planner.spec(tasks[0][0].node).resources)
+        batch = _Batch(grant, len(tasks))
+        self._batches += 1
         self._running |= {task.key: (task, reason, batch) for task, reason in tasks}
-        self._engine.submit([self._planner.job(task, reason) for task, reason in tasks])
+        self._engine.submit([self._planner.job(task, reason) for task, reason in tasks], grant.visible)
 
     def _fits(self, task: Task) -> bool:
         if self._engine.own_placement:
-            return len(self._batches) < self._engine.window
-        spec = self._planner.spec(task.node)
-        cores, memory_gib = self._cores + spec.threads, self._memory_gib + spec.memory_gib
-        return not self._batches or (cores <= self._budget.jobs and memory_gib <= self._budget.memory_gib)
+            return self._batches < self._engine.window
+        return self._budget.fits(self._planner.spec(task.node).resources)
 
     def _unpark(self) -> None:
         """Queue tasks that another run executed, once nobody holds their key."""
@@ -358,13 +344,13 @@ class Schedule:
 
     def _made_elsewhere(self, task: Task, reason: Reason) -> None:
         """Take the output that another run, or the same task under another name, has stored."""
-        self._planner.index.refresh()
+        self._planner.refresh()
         output = self._planner.index.output(task.key)
         if output is not None and self._planner.store.state(output) == "ok":
             self.cached(task, output)
             self.walk.publish(task.node, task.path, output)
         elif self._again(task):
-            self._push(task, reason)
+            self._push(task, reason if self._planner.shared is None else Reason("output lost"))
         else:
             self._fail(task, f"its output was missing {MAX_RETRIES} times although a worker reported it; run again with "
                              f"--force {task.node.name}")
@@ -389,12 +375,12 @@ class Schedule:
 
     def _heal(self, task: Task, done: JobResult) -> None:
         """Run the producer of an unreadable input again, then the task."""
-        lost = done.message
+        lost = done.message.split()
         if not self._again(task):
-            self._fail(task, f"input {lost[:12]} could not be read although it was computed again {MAX_RETRIES} times")
+            self._fail(task, f"input {lost[0][:12]} could not be read although it was computed again {MAX_RETRIES} times")
             return
-        self._planner.store.forget(lost)
-        self._remake(task, [lost])
+        self._planner.store.note_lost(lost)
+        self._remake(task, lost)
 
     def _remake(self, task: Task, lost: Iterable[str]) -> None:
         """Run the producers of lost artifacts again; the task is decided about again after the last of them."""

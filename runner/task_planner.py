@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from runner.execute import Job, JobSpec
 from runner.files import DamagedError, seal, unseal, write_atomic
@@ -17,9 +17,11 @@ from runner.graph import Node
 from runner.index import Index, Trace, manifest_of
 from runner.keys import CodeFingerprints, StageSpec, schema_text, stage_spec, task_key
 from runner.report import Reason, Why
-from runner.resources import resources_of
 from runner.selection import hide_unselected
 from runner.store import Store
+
+if TYPE_CHECKING:
+    from runner.sharing import SharedRun
 
 SHOWN = 3
 Demand = bool | frozenset[str]
@@ -118,8 +120,9 @@ class Task(NamedTuple):
 class TaskPlanner:
     """Computes tasks and decides whether they must run; executes nothing."""
 
-    def __init__(self, store: Store, index: Index, codes: CodeFingerprints, force: Iterable[str] = ()) -> None:
-        self.store, self.index = store, index
+    def __init__(self, store: Store, index: Index, codes: CodeFingerprints, force: Iterable[str] = (),
+                 shared: SharedRun | None = None) -> None:
+        self.store, self.index, self.shared = store, index, shared
         self._codes, self._force = codes, set(force)
         self._specs: dict[int, StageSpec] = {}
         self._jobs: dict[int, JobSpec] = {}
@@ -138,11 +141,17 @@ class TaskPlanner:
         schemas, text = self._schemas(inputs)
         return Task(node, path, inputs, schemas, task_key(self.spec(node).digest, inputs, text))
 
+    def refresh(self) -> None:
+        """Read the results that other runs, here and on other hosts, have stored."""
+        self.index.refresh()
+        if self.shared is not None:
+            self.shared.refresh()
+
     def decide(self, task: Task, demand: Demand) -> tuple[str, Reason | None]:
         """Return (output, None) if the output is known, ('', reason) if the task must run.
 
-        Without demand for its bytes, an output counts as known although they are gone. `demand` names the demanded fields of a
-        bundle, True stands for all.
+        Without demand for its bytes, an output counts as known although they are gone; a damaged one is repaired in any case.
+        `demand` names the demanded fields of a bundle, True stands for all.
         """
         if task.node.name in self._force:
             return "", Reason("forced")
@@ -151,11 +160,14 @@ class TaskPlanner:
             last = self.index.last(task.node.name, task.shard)
             return "", compare(last, self.spec(task.node), task.inputs, task.schemas, self.store.root)
         state = self.store.state(output)
-        if state == "ok" or (state != "unknown" and not self._is_demanded(output, demand)):
-            if state != "ok":
-                self.index.drop(task.node.name, self.store.lost(output))
+        if state == "ok":
             return output, None
-        return "", Reason(self._loss(output, state))
+        why = self._loss(output, state)
+        if why == "output damaged" or state == "unknown" or self._is_demanded(output, demand):
+            return "", Reason(why)
+        if why == "output lost" and not self.store.memo.plan_only:
+            self.index.drop(task.node.name, self.store.lost(output))
+        return output, None
 
     def _is_demanded(self, output: str, demand: Demand) -> bool:
         """Return True when bytes are demanded that cannot be read."""
@@ -165,7 +177,7 @@ class TaskPlanner:
         return any(self.store.state(digest) != "ok" for name, digest in children if name in demand)
 
     def _loss(self, output: str, state: str) -> Why:
-        if state != "damaged" and all(digest in self.index.drops for digest in self.store.lost(output)):
+        if all(digest in self.index.drops for digest in self.store.lost(output)):
             return "output dropped"
         return "output damaged" if state == "damaged" else "output lost"
 
@@ -194,12 +206,10 @@ class TaskPlanner:
             if spec.code.digest not in self._kept:
                 keep_definitions(self.store.root, spec)
                 self._kept.add(spec.code.digest)
-            needs = resources_of(spec.declared, node.params, spec.blocks)
             self._jobs[node.id] = JobSpec(
                 stage=node.name, function=spec.function, params=hide_unselected(node.params, spec.blocks), params_tree=spec.params,
                 wants_ctx=node.wants_ctx, code=spec.code.digest, libraries=spec.libraries, threads=spec.threads,
-                memory_gib=spec.memory_gib, gpus=needs.gpus, gpu_shared=needs.gpu_shared, scratch_gib=needs.scratch_gib,
-                timeout_s=spec.declared["TIMEOUT_S"], machine=spec.machine, sources=spec.sources)
+                resources=spec.resources, timeout_s=spec.timeout_s, machine=spec.machine, sources=spec.sources)
         return self._jobs[node.id]
 
     def _schemas(self, inputs: Mapping[str, str]) -> tuple[dict[str, str], str]:
