@@ -203,7 +203,7 @@ def jobs_of(project: Project, *words: str, sleep_s: float) -> list[Job]:
     found: list[Job] = []
 
     class Recorder(Inline):
-        def submit(self, jobs: list[Job]) -> None:
+        def submit(self, jobs: list[Job], gpus: tuple[str, ...] = ()) -> None:
             found.extend(job for job in jobs if job.spec.stage == "shout")
             super().submit(jobs)
 
