@@ -244,7 +244,8 @@ class Schedule:
     def _batch(self, task: Task, reason: Reason) -> list[tuple[Task, Reason]]:
         """Take further ready tasks of the stage, about a second of work in all."""
         batch, keys, node = [(task, reason)], {task.key}, task.node.id
-        count = self._paces.setdefault(node, _Pace()).batch(self._ready_of[node] + 1, self._budget.jobs)
+        workers = self._engine.window if self._engine.own_placement else self._budget.jobs
+        count = self._paces.setdefault(node, _Pace()).batch(self._ready_of[node] + 1, workers)
         while len(batch) < count and self._ready and self._ready[0][2].node.id == node:
             _, _, other, why = self._pop()
             if other.key in keys:

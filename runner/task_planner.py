@@ -209,7 +209,7 @@ class TaskPlanner:
             self._jobs[node.id] = JobSpec(
                 stage=node.name, function=spec.function, params=hide_unselected(node.params, spec.blocks), params_tree=spec.params,
                 wants_ctx=node.wants_ctx, code=spec.code.digest, libraries=spec.libraries, threads=spec.threads,
-                resources=spec.resources, timeout_s=spec.timeout_s, sources=spec.sources)
+                resources=spec.resources, timeout_s=spec.timeout_s, machine=spec.machine, sources=spec.sources)
         return self._jobs[node.id]
 
     def _schemas(self, inputs: Mapping[str, str]) -> tuple[dict[str, str], str]:
