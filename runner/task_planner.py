@@ -150,8 +150,8 @@ class TaskPlanner:
     def decide(self, task: Task, demand: Demand) -> tuple[str, Reason | None]:
         """Return (output, None) if the output is known, ('', reason) if the task must run.
 
-        Without demand for its bytes, an output counts as known although they are gone. `demand` names the demanded fields of a
-        bundle, True stands for all.
+        Without demand for its bytes, an output counts as known although they are gone; a damaged one is repaired in any case.
+        `demand` names the demanded fields of a bundle, True stands for all.
         """
         if task.node.name in self._force:
             return "", Reason("forced")
@@ -160,11 +160,14 @@ class TaskPlanner:
             last = self.index.last(task.node.name, task.shard)
             return "", compare(last, self.spec(task.node), task.inputs, task.schemas, self.store.root)
         state = self.store.state(output)
-        if state == "ok" or (state != "unknown" and not self._is_demanded(output, demand)):
-            if state != "ok":
-                self.index.drop(task.node.name, self.store.lost(output))
+        if state == "ok":
             return output, None
-        return "", Reason(self._loss(output, state))
+        why = self._loss(output, state)
+        if why == "output damaged" or state == "unknown" or self._is_demanded(output, demand):
+            return "", Reason(why)
+        if why == "output lost" and not self.store.memo.plan_only:
+            self.index.drop(task.node.name, self.store.lost(output))
+        return output, None
 
     def _is_demanded(self, output: str, demand: Demand) -> bool:
         """Return True when bytes are demanded that cannot be read."""
@@ -174,7 +177,7 @@ class TaskPlanner:
         return any(self.store.state(digest) != "ok" for name, digest in children if name in demand)
 
     def _loss(self, output: str, state: str) -> Why:
-        if state != "damaged" and all(digest in self.index.drops for digest in self.store.lost(output)):
+        if all(digest in self.index.drops for digest in self.store.lost(output)):
             return "output dropped"
         return "output damaged" if state == "damaged" else "output lost"
 
@@ -206,16 +209,18 @@ class TaskPlanner:
             self._jobs[node.id] = JobSpec(
                 stage=node.name, function=spec.function, params=hide_unselected(node.params, spec.blocks), params_tree=spec.params,
                 wants_ctx=node.wants_ctx, code=spec.code.digest, libraries=spec.libraries, threads=spec.threads,
-                resources=spec.resources, timeout_s=spec.timeout_s, sources=spec.sources)
+                resources=spec.resources, timeout_s=spec.timeout_s, machine=spec.machine, sources=spec.sources)
         return self._jobs[node.id]
 
     def _schemas(self, inputs: Mapping[str, str]) -> tuple[dict[str, str], str]:
         """Schema versions of the inputs, and their text in the key."""
-        kinds = frozenset[str]().union(*map(self.store.kinds, inputs.values()))
-        if kinds not in self._schemas_of:
+        found = [self.store.kinds(digest) for digest in inputs.values()]
+        kinds = found[0] if len(found) == 1 else frozenset[str]().union(*found)
+        known = self._schemas_of.get(kinds)
+        if known is None:
             schemas = {kind: self._version(kind) for kind in sorted(kinds)}
-            self._schemas_of[kinds] = schemas, schema_text(schemas)
-        return self._schemas_of[kinds]
+            known = self._schemas_of[kinds] = schemas, schema_text(schemas)
+        return known
 
     def _version(self, kind: str) -> str:
         if kind not in self._versions:
