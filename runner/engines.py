@@ -1,23 +1,27 @@
-"""Engines that execute jobs: submit a job, wait for messages, close. Keys and paths travel, never arrays."""
+"""Engines that execute jobs: submit a job, wait for messages, close. Keys and paths travel, never arrays.
+
+The means to start processes are imported with the first worker: a run with nothing to do starts none.
+"""
 
 from __future__ import annotations
 
 import os
 import signal
-import subprocess
 import sys
 from collections import deque
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
-from multiprocessing.connection import Connection, wait
 from pathlib import Path
-from socket import socketpair
 from types import MappingProxyType
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from runner.execute import Job, JobResult, WorkerSpec, Workplace, execute
 from runner.modules import outdated
+
+if TYPE_CHECKING:
+    import subprocess
+    from multiprocessing.connection import Connection
 
 Message = tuple[str, str, Any]
 """('started', key, None), ('progress', key, (done, total)) or ('done', key, JobResult)"""
@@ -117,6 +121,8 @@ class Pool:
 
     def wait(self, timeout_s: float | None) -> list[Message]:
         """Return the messages of all workers."""
+        from multiprocessing.connection import wait
+
         messages, self._returned = self._returned, []
         busy = {worker.jobs: worker for worker in self._workers if worker.batch}
         for connection in wait(list(busy), 0 if messages else timeout_s):
@@ -151,6 +157,10 @@ class Pool:
         self._workers.clear()
 
     def _start(self) -> _Worker:
+        import subprocess
+        from multiprocessing.connection import Connection
+        from socket import socketpair
+
         ours, theirs = socketpair()
         read, write = os.pipe()
         code = f"import sys; sys.path[:0] = {self._paths!r}; from runner.worker import main; main(*sys.argv[1:])"
