@@ -52,7 +52,7 @@ class Runner:
                  remote: str | None = None, engine: Callable[..., Engine] | None = None) -> None:  # fmt: skip
         store, self.root = store.absolute(), root.absolute()
         prepare_store(store)
-        self._budget, self._engine = Budget(jobs, memory_gib, scratch=store / "scratch"), engine
+        self._limits, self._engine = (jobs, memory_gib), engine
         self.index = Index(store)
         self._remote, self._shared = self._open(remote, store)
         self.worker_spec = WorkerSpec(store, codec, worker, self.root, schemas, remote, self.index.session,
@@ -79,7 +79,8 @@ class Runner:
         report = RunReport(target if isinstance(target, str) else "")
         with self._session() as engine:
             planner = self._task_planner(force)
-            schedule = Schedule(planner, engine, self._budget, observer or SilentObserver(), report, limit)
+            budget = Budget(*self._limits, scratch=self.store.root / "scratch")
+            schedule = Schedule(planner, engine, budget, observer or SilentObserver(), report, limit)
             walk = Walk(graph, self._wanted(graph, target), planner, schedule, shards or ())
             schedule.walk = walk
             if only:
@@ -90,6 +91,7 @@ class Runner:
                 walk.check_shards()
                 report.failures += _unmade(walk, self._wanted(graph, target))
                 report.outputs = self._outputs(graph, target, walk)
+            planner.note_losses()
             self._add_costs(report)
         report.seconds = time.monotonic() - began
         return report
@@ -204,7 +206,7 @@ class Runner:
         with terminating():
             self._join()
             lease = self._share()
-            kind = self._engine or (Pool if self._budget.jobs else Inline)
+            kind = self._engine or (Pool if self._limits[0] else Inline)
             engine: Engine = kind(self.worker_spec, self.index.offsets())
             try:
                 yield engine
@@ -220,6 +222,7 @@ class Runner:
                         self._shared.end()
                     self._save()
                 finally:
+                    self.index.writer.close()
                     lease.release(remove=False)
 
     def _join(self) -> None:
