@@ -34,6 +34,9 @@ class ProgressObserver(Protocol):
     def progress(self, stage: str, shard: str, done: int, total: int) -> None:
         """The stage reported its progress."""
 
+    def cached(self, stage: str, count: int) -> None:
+        """The output of so many tasks is stored."""
+
     def finished(self, stage: str, shard: str, result: str, wall_s: float, cpu_s: float, message: str) -> None:
         """The task is over."""
 
@@ -81,6 +84,10 @@ class Bars:
         part, before = done / max(total, 1), self._part.get((stage, shard), 0.0)
         self._part[stage, shard] = part
         self._bars.advance(self._ids[stage], part - before)
+
+    def cached(self, stage: str, count: int) -> None:
+        """Advance the bar."""
+        self._bars.advance(self._ids[stage], count)
 
     def finished(self, stage: str, shard: str, result: str, wall_s: float, cpu_s: float, message: str) -> None:
         """Complete the task."""
@@ -138,6 +145,10 @@ class Lines:
         """Record the finished part."""
         if (stage, shard) in self._running:
             self._running[stage, shard].part = done / max(total, 1)
+
+    def cached(self, stage: str, count: int) -> None:
+        """Count the tasks."""
+        self._left -= count
 
     def finished(self, stage: str, shard: str, result: str, wall_s: float, cpu_s: float, message: str) -> None:
         """Print a line, unless the task was cached."""

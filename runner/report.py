@@ -65,6 +65,8 @@ class RunReport:
     """CPU seconds of every finished (stage, shard), also of those that an earlier run computed"""
     peak_mib: dict[tuple[str, str], float] = field(default_factory=dict)
     """peak memory of the process during the task, MiB"""
+    used: dict[str, dict[str, str]] = field(default_factory=dict)
+    """stage -> shard -> key of every task that the run used"""
     seconds: float = 0.0
 
     @property
@@ -85,6 +87,9 @@ class Observer(Protocol):
     def progress(self, stage: str, shard: str, done: int, total: int) -> None:
         """The stage reported its progress."""
 
+    def cached(self, stage: str, count: int) -> None:
+        """So many tasks of the stage are over, because their output is stored."""
+
     def finished(self, stage: str, shard: str, result: Result, wall_s: float, cpu_s: float, message: str) -> None:
         """The task is over; `message` gives the reason of a failure, '' otherwise."""
 
@@ -100,4 +105,4 @@ class SilentObserver:
     def planned(self, *_: Any) -> None:
         """Ignore the event."""
 
-    started = progress = finished = planned
+    started = progress = finished = cached = planned

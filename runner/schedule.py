@@ -285,6 +285,10 @@ class Schedule:
             self.report.cpu_s[task.node.name, task.shard] = cpu_s
             self.report.peak_mib[task.node.name, task.shard] = self._planner.traces.peak(task.key)
             self._planner.traces.use(task.node.name, task.shard, task.key)
+            self.report.used.setdefault(task.node.name, {})[task.shard] = task.key
+        if result == "cached":
+            self._observer.cached(task.node.name, 1)
+            return
         self._observer.finished(task.node.name, task.shard, result, wall_s, cpu_s, message)  # type: ignore[arg-type]
 
     def _plan(self, task: Task) -> None:
