@@ -318,6 +318,60 @@ def demo(
     raise typer.Exit(serve(host, port, model, device, store))
 
 
+runs_verbs = typer.Typer(invoke_without_command=True)
+app.add_typer(runs_verbs, name="runs")
+
+
+@runs_verbs.callback()
+def runs(
+    context: typer.Context,
+    count: Annotated[int, typer.Option("-n", min=1, help="number of runs")] = 20,
+    store: Store = None,
+    json: Json = False,
+) -> None:
+    """List past runs, the newest first; `runs diff` compares two, `runs timeline` draws one."""
+    if context.invoked_subcommand is None:
+        from commands.history import runs as show
+
+        raise typer.Exit(show(store, count, json))
+
+
+@runs_verbs.command("diff")
+def runs_diff(
+    a: Annotated[str, typer.Argument(help="a run: its id, a beginning of it, last, or last~1 for the one before")],
+    b: Annotated[str, typer.Argument(help="the run to compare it with")],
+    store: Store = None,
+    json: Json = False,
+) -> None:
+    """Show the stages that differ between two runs, the reasons, and differences of outputs and costs."""
+    from commands.history import diff
+
+    raise typer.Exit(diff(a, b, store, json))
+
+
+@runs_verbs.command("timeline")
+def runs_timeline(
+    run: Annotated[str, typer.Argument(help="a run: its id, a beginning of it, last, or last~1 for the one before")] = "last",
+    out: Annotated[Path, typer.Option("--out", help="draw to this .svg or .png")] = Path("timeline.svg"),
+    store: Store = None,
+) -> None:
+    """Draw the tasks of a run over time, with cores and memory in use."""
+    from commands.history import timeline
+
+    raise typer.Exit(timeline(run, out, store))
+
+
+@app.command()
+def stale(target: Target = None, source: SourceDir = None, clip: Clips = None, set_: Sets = None, params: ParamsFile = None,
+          only: Annotated[str | None, typer.Option(help="one stage, as `run --only` would run it")] = None,
+          force: Annotated[list[str] | None, typer.Option(help="as if this stage were forced (repeatable)")] = None,
+          store: Store = None, json: Json = False) -> None:  # fmt: skip
+    """List what a run would execute now: a line for each stage and reason."""
+    from commands.history import stale as show
+
+    raise typer.Exit(show(_request(target, source, clip, set_, params, store, json, only=only, force=force)))
+
+
 def _request(target: str | None, source: Path | None, clip: list[str] | None, set_: list[str] | None, params: Path | None,
              store: Path | None, json: bool, **more: Any) -> Any:  # fmt: skip
     from commands.run import Request

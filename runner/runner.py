@@ -46,6 +46,7 @@ class Runner:
         self.worker_spec = WorkerSpec(store, codec, worker, self.root, schemas)
         prepare_store(store)
         _check_format(store)
+        self.jobs = jobs
         self._budget = Budget(jobs, memory_gib)
         self.store = Store(store, resolve(codec), rehash, plan_only)
         self.traces = Traces(store)
