@@ -113,13 +113,14 @@ def explain(
     source: SourceDir = None,
     set_: Sets = None,
     params: ParamsFile = None,
+    every: Annotated[bool, typer.Option("--all", help="list each task, also of more than 300; default: groups of them")] = False,
     store: Store = None,
     json: Json = False,
 ) -> None:
     """Explain the next or last run of each task of a stage."""
     from commands.store import explain as show
 
-    raise typer.Exit(show(_request(target, source, None, set_, params, store, json, only=stage), clip))
+    raise typer.Exit(show(_request(target, source, None, set_, params, store, json, only=stage), clip, every))
 
 
 @app.command()

@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 from rich.markup import escape
 
 from commands.errors import UsageError
-from commands.session import existing_store, open_existing
+from commands.session import existing_store, open_existing, open_runner
 from commands.tables import console, plain_table, print_json
 from runner.log_file import BrokenLogError
 from runner.past_runs import RunRecord, UnknownRunError, find_run, list_runs, run_paths
@@ -147,7 +147,7 @@ def stale(request: Any) -> int:
     from commands.target_graphs import resolve_target
     from runner.plan_groups import group_plans
 
-    plans = plan_request(request)
+    plans = plan_request(request, open_existing if request.store else open_runner)
     groups = group_plans(plan for plan in plans if plan.status != "cached")
     if request.json:
         print_json({"target": resolve_target(request.target, request.only), "tasks": len(plans),

@@ -11,16 +11,20 @@ from runner.history import RESOURCES
 from runner.log_file import read_log
 from runner.past_runs import LoggedTask, RunRecord, UnknownRunError, logged_tasks
 
-PALETTE = ("#1f77b4", "#ff7f0e", "#2ca02c", "#9467bd", "#8c564b", "#e377c2", "#bcbd22", "#17becf", "#aec7e8", "#ffbb78", "#98df8a",
-           "#c5b0d5", "#c49c94", "#f7b6d2", "#dbdb8d", "#9edae5", "#393b79", "#637939", "#8c6d31", "#843c39", "#7b4173", "#3182bd",
-           "#e6550d", "#31a354", "#756bb1", "#636363", "#6baed6", "#fd8d3c", "#74c476", "#9e9ac8")  # fmt: skip
+PALETTE = ("#6aaed6", "#fdae6b", "#74c476", "#b39ddb", "#e78ac3", "#d4c95e", "#5ec4cf", "#c49a84", "#9ecae1", "#fdd0a2", "#a1d99b",
+           "#dadaeb", "#fbb4c9", "#e9e29c", "#aee3e8", "#e0c6b8", "#4292c6", "#f58634", "#3fa35b", "#8e72c4", "#cf4f9c", "#a89c1f",
+           "#2aa0ad", "#96684f", "#c6dbef", "#bdbdbd", "#969696", "#d9f0d3", "#fee391", "#ccebc5")  # fmt: skip
 """thirty colours; those of the stages with the most wall time are the most different ones"""
 HATCHES = ("", "////", "....", "xxxx")
 """patterns that tell the thirty-first stage from the first"""
 FAILED, IDLE = "#d62728", "#f2f2f2"
 MANY = 4000
 """bars above which an SVG holds them as a picture"""
-LEGEND_ROWS, WIDTH_IN = 11, 13.0
+LEGEND_ROWS, WIDTH_IN = 8, 13.0
+LEFT, WIDTH = 0.05, 0.9
+"""of the axes, as parts of the width of the picture"""
+LETTER_IN, LEGEND_LETTER_IN, PATCH_IN = 0.062, 0.068, 0.5
+"""widths of a letter in a bar, of one in the legend, and of the legend's patch"""
 
 
 class Bar(NamedTuple):
@@ -64,20 +68,24 @@ def draw_timeline(run: RunRecord, path: Path) -> None:
     bars, samples = lanes(tasks), list(read_log(run.path, (RESOURCES,)))
     stages = _by_wall(tasks)
     height = 1 + max(bar.lane for bar in bars)
-    rows = -(-len(stages) // -(-len(stages) // LEGEND_ROWS))
-    sizes = (min(6.0, max(1.6, 0.42 * height)), 1.3 if samples else 0.0, 0.21 * rows + 0.35)
-    total = sum(sizes) + 1.5
+    labels = _labels(stages, tasks)
+    columns = _columns(labels)
+    rows = -(-len(labels) // columns)
+    lanes_in, use_in, legend_in = min(6.0, max(1.6, 0.45 * height)), 1.2 if samples else 0.0, 0.2 * rows + 0.15
+    total = lanes_in + use_in + legend_in + 1.0
     figure = Figure(figsize=(WIDTH_IN, total))
-    top = figure.add_axes((0.07, (sizes[2] + sizes[1] + 0.85) / total, 0.9, sizes[0] / total))
+    top = figure.add_axes((LEFT, (legend_in + use_in + 0.6) / total, WIDTH, lanes_in / total))
     _draw_bars(top, bars, stages, run.began)
     _frame(top, height, run, tasks)
+    if height <= 12:
+        _name_bars(top, bars, run.began, run.seconds)
     last = top
     if samples:
-        last = figure.add_axes((0.07, (sizes[2] + 0.6) / total, 0.9, (sizes[1] - 0.1) / total), sharex=top)
+        last = figure.add_axes((LEFT, (legend_in + 0.5) / total, WIDTH, use_in / total), sharex=top)
         _draw_resources(last, samples, run.began)
         top.tick_params(labelbottom=False)
-    last.set_xlabel("seconds since the start of the run")
-    _legend(figure, stages, tasks, -(-len(stages) // LEGEND_ROWS))
+    last.set_xlabel(f"seconds since the start of the run{_marks(tasks)}")
+    _legend(figure, labels, columns)
     figure.savefig(path, dpi=110, metadata={"Date": None} if path.suffix == ".svg" else {"Software": None})
 
 
@@ -103,6 +111,15 @@ def _draw_bars(axes: Any, bars: list[Bar], stages: dict[str, float], began: floa
         corners = [_corners(bar, began) for bar in bars if bar.task.result == result]
         if corners:
             axes.add_collection(PolyCollection(corners, facecolor="none", edgecolor=FAILED, linewidth=1.2, hatch=hatch))
+
+
+def _name_bars(axes: Any, bars: list[Bar], began: float, seconds: float) -> None:
+    """Write the names of stage and shard into bars that are wide enough."""
+    for bar in bars:
+        names = [bar.task.stage, bar.task.shard.split("/")[-1]]
+        if (bar.task.end - bar.task.start) / seconds * WIDTH * WIDTH_IN > LETTER_IN * max(map(len, names)):
+            middle = (bar.task.start + bar.task.end) / 2 - began
+            axes.text(middle, bar.lane + 0.5, "\n".join(names).strip(), ha="center", va="center", fontsize=7, clip_on=True)
 
 
 def _corners(bar: Bar, began: float) -> list[tuple[float, float]]:
@@ -138,10 +155,30 @@ def _draw_resources(axes: Any, samples: list[Any], began: float) -> None:
     memory.set_ylim(bottom=0)
 
 
-def _legend(figure: Any, stages: dict[str, float], tasks: list[LoggedTask], columns: int) -> None:
+def _marks(tasks: list[LoggedTask]) -> str:
+    """Meaning of the marks that the picture has."""
+    marks = {"pink: no task ran": idle_spans(tasks), "red crosses: failed": [task for task in tasks if task.result == "failed"],
+             "red lines: without end": [task for task in tasks if task.result == "running"]}  # fmt: skip
+    shown = ", ".join(name for name, found in marks.items() if found)
+    return f"  ({shown})" if shown else ""
+
+
+def _labels(stages: dict[str, float], tasks: list[LoggedTask]) -> list[str]:
+    """'stage  6 x 1.23 s' for each stage: number of tasks and mean wall time."""
+    counts: dict[str, int] = {}
+    for task in tasks:
+        counts[task.stage] = counts.get(task.stage, 0) + 1
+    return [f"{stage}  {counts[stage]} \u00d7 {wall / counts[stage]:.2f} s" for stage, wall in stages.items()]
+
+
+def _columns(labels: list[str]) -> int:
+    """Columns of the legend: as few as LEGEND_ROWS rows need, and as fit side by side."""
+    fit = int(WIDTH_IN / (LEGEND_LETTER_IN * max(map(len, labels)) + PATCH_IN))
+    return max(1, min(fit, -(-len(labels) // LEGEND_ROWS)))
+
+
+def _legend(figure: Any, labels: list[str], columns: int) -> None:
     from matplotlib.patches import Patch
 
-    counts = {stage: sum(task.stage == stage for task in tasks) for stage in stages}
-    handles = [Patch(edgecolor="white", label=f"{stage}  {counts[stage]} × {wall / counts[stage]:.2f} s", **_style(at))
-               for at, (stage, wall) in enumerate(stages.items())]
+    handles = [Patch(edgecolor="white", label=label, **_style(at)) for at, label in enumerate(labels)]
     figure.legend(handles=handles, loc="lower center", ncols=columns, fontsize=8.5, frameon=False, bbox_to_anchor=(0.5, 0.0))

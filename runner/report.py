@@ -88,7 +88,7 @@ class Observer(Protocol):
         """The stage reported its progress."""
 
     def cached(self, stage: str, count: int) -> None:
-        """So many tasks of the stage are over, because their output is stored."""
+        """The output of `count` tasks of the stage is stored, so that they are over."""
 
     def finished(self, stage: str, shard: str, result: Result, wall_s: float, cpu_s: float, message: str) -> None:
         """The task is over; `message` gives the reason of a failure, '' otherwise."""
