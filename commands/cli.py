@@ -157,14 +157,30 @@ def verify(store: Store = None, json: Json = False) -> None:
 
 @app.command()
 def gc(
+    keep_last: Annotated[int, typer.Option(min=1, help="keep the results of the last N keys (code, parameters, inputs) of every "
+                                           "clip and stage, by their last use")] = 1,
+    older_than: Annotated[float, typer.Option(min=0, help="also keep results that were used in the last N days")] = 0.0,
+    drop: Annotated[list[str] | None, typer.Option(help="STAGE,...: delete the bytes of these stages, and keep their results as "
+                                                   "known: they are computed again only if something needs them; published files, "
+                                                   "and bytes that other kept results have, stay")] = None,
     store: Store = None,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="count the files that would be deleted, delete nothing")] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="count files and bytes by stage, delete nothing")] = False,
     json: Json = False,
 ) -> None:
-    """Delete everything that the last use of every clip does not reach."""
+    """Delete what the last use of every clip does not reach, and runs beyond the last 1,000 or older than 90 days."""
     from commands.store import gc as sweep
+    from runner.garbage import Rules
 
-    raise typer.Exit(sweep(store, dry_run, json))
+    stages = tuple(name.strip() for word in drop or () for name in word.split(",") if name.strip())
+    raise typer.Exit(sweep(store, Rules(keep_last, older_than, stages), dry_run, json))
+
+
+@app.command()
+def du(store: Store = None, json: Json = False) -> None:
+    """Show the disk usage of the store by stage; every stored file is counted once."""
+    from commands.store import du as show
+
+    raise typer.Exit(show(store, json))
 
 
 @app.command()

@@ -1,4 +1,4 @@
-"""Verbs that read the store and its history: plan, explain, status, graph, lineage, verify, gc."""
+"""Verbs about the store: plan, explain, status, graph, lineage, verify, gc, du."""
 
 from __future__ import annotations
 
@@ -26,6 +26,7 @@ from commands.target_graphs import first_target_with, graph_of_request, resolve_
 from commands.targets import TARGETS
 from commands.weights import resolve_weights
 from runner import Graph, Runner, TaskPlan
+from runner.garbage import Rules, UnknownStageError
 from runner.plan_groups import group_plans
 
 BEGINNING = re.compile(r"[0-9a-f]+")
@@ -246,14 +247,45 @@ def verify(store: Path | None, as_json: bool) -> int:
     return 0 if verdict.ok else 1
 
 
-def gc(store: Path | None, dry_run: bool, as_json: bool) -> int:
-    """Delete everything that the last use of every shard does not reach, or count it."""
-    swept = open_existing(store).gc(dry_run)
+def gc(store: Path | None, rules: Rules, dry_run: bool, as_json: bool) -> int:
+    """Delete what the rules do not keep, or count it.
+
+    UsageError for a stage of `drop` that the store lacks.
+    """
+    try:
+        swept = open_existing(store).gc(dry_run, rules)
+    except UnknownStageError as error:
+        raise UsageError(str(error)) from error
     if as_json:
         print_json(asdict(swept))
-    else:
-        done = "would delete" if dry_run else "deleted"
-        sys.stdout.write(f"{done} {swept.files} files, {swept.bytes / 1e6:.1f} MB from {store or STORE}\n")
+        return 0
+    table = plain_table("stage", "files", "MB")
+    for stage, row in sorted(swept.stages.items(), key=lambda item: -item[1]["bytes"]):
+        table.add_row(stage, str(row["files"]), f"{row['bytes'] / 1e6:.1f}")
+    if swept.stages:
+        console().print(table)
+    done = "would delete" if dry_run else "deleted"
+    dropped = f"; {swept.dropped} artifact(s) can be computed again" if swept.dropped else ""
+    sys.stdout.write(f"{done} {swept.files} files, {swept.bytes / 1e6:.1f} MB, and {swept.traces} result(s) from {store or STORE}"
+                     f"{dropped}\n")  # fmt: skip
+    return 0
+
+
+def du(store: Path | None, as_json: bool) -> int:
+    """Show the disk usage of the store by stage."""
+    use = open_existing(store).disk_usage()
+    if as_json:
+        print_json({**asdict(use), "bytes": use.bytes})
+        return 0
+    table = plain_table("stage", "MB", "files", "results", "artifacts", "dropped", "shared MB")
+    for stage, row in use.stages.items():
+        shared = f"{row.shared_bytes / 1e6:.1f}" if row.shared_bytes else ""
+        table.add_row(stage, f"{row.bytes / 1e6:.1f}", *(str(count or "") for count in (row.files, row.results, row.artifacts,
+                                                                                        row.dropped)), shared)  # fmt: skip
+    for room, size in use.rooms.items():
+        table.add_row(f"{room}/", f"{size / 1e6:.1f}")
+    console().print(table)
+    sys.stdout.write(f"{use.bytes / 1e6:.1f} MB in {store or STORE}; files that several stages share are counted for the first\n")
     return 0
 
 
