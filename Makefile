@@ -34,13 +34,13 @@ $(READY): pyproject.toml constraints.txt constraints-torch.txt install/backend.p
 	@rm -rf afford.egg-info build
 	@touch $@
 
-$(DEV): $(VENV)/.ready-film
+$(DEV): $(VENV)/.ready-film $(VENV)/.ready-ray
 
 $(VENV)/.ready-%: constraints-%.txt $(READY)
 	@$(PINNED) $<
 	@touch $@
 
-setup: $(READY) $(if $(EXTRA),$(VENV)/.ready-$(EXTRA)) ## make .venv, with `afford` in it (EXTRA=gpu: mujoco-warp, film: RecordVideo, dev: tests and lint)
+setup: $(READY) $(if $(EXTRA),$(VENV)/.ready-$(EXTRA)) ## make .venv, with `afford` in it (EXTRA=gpu: mujoco-warp, film: RecordVideo, ray: clusters, dev: tests and lint)
 
 constraints: $(READY) ## pin and hash what is installed, show that it resolves on each Python (ARGS=--check, --upgrade)
 	@$(PY) -m uv --version > /dev/null 2>&1 || $(PIP) uv

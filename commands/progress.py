@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
-from runner import Reason
+from runner import Reason, RunReport
 
 BEAT_S = 30.0
 """seconds between two lines about a running task"""
@@ -25,17 +25,20 @@ class ProgressObserver(Protocol):
 
     def __enter__(self) -> ProgressObserver: ...
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None: ...
+    def begun(self, report: RunReport) -> None:
+        """A run begins."""
+
     def planned(self, stage: str, shard: str) -> None:
         """A task is known."""
 
     def started(self, stage: str, shard: str, reason: Reason) -> None:
         """A worker has started the task."""
 
+    def cached(self, stage: str, count: int) -> None:
+        """Tasks of a stage were found in the store."""
+
     def progress(self, stage: str, shard: str, done: int, total: int) -> None:
         """The stage reported its progress."""
-
-    def cached(self, stage: str, count: int) -> None:
-        """The output of so many tasks is stored."""
 
     def finished(self, stage: str, shard: str, result: str, wall_s: float, cpu_s: float, message: str) -> None:
         """The task is over."""
@@ -67,9 +70,20 @@ class Bars:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self._bars.stop()
 
+    def begun(self, report: RunReport) -> None:
+        """Show nothing yet."""
+
     def planned(self, stage: str, shard: str) -> None:
         """Add one task to the stage."""
-        self._known[stage] = self._known.get(stage, 0) + 1
+        self._add(stage, 1)
+
+    def cached(self, stage: str, count: int) -> None:
+        """Add finished tasks to the stage."""
+        self._add(stage, count)
+        self._bars.advance(self._ids[stage], count)
+
+    def _add(self, stage: str, count: int) -> None:
+        self._known[stage] = self._known.get(stage, 0) + count
         if stage not in self._ids:
             self._ids[stage] = self._bars.add_task(stage, total=1, note="")
         self._bars.update(self._ids[stage], total=self._known[stage])
@@ -84,10 +98,6 @@ class Bars:
         part, before = done / max(total, 1), self._part.get((stage, shard), 0.0)
         self._part[stage, shard] = part
         self._bars.advance(self._ids[stage], part - before)
-
-    def cached(self, stage: str, count: int) -> None:
-        """Advance the bar."""
-        self._bars.advance(self._ids[stage], count)
 
     def finished(self, stage: str, shard: str, result: str, wall_s: float, cpu_s: float, message: str) -> None:
         """Complete the task."""
@@ -131,9 +141,15 @@ class Lines:
         self._over.set()
         sys.stderr.flush()
 
+    def begun(self, report: RunReport) -> None:
+        """Print nothing."""
+
     def planned(self, stage: str, shard: str) -> None:
         """Count the task."""
         self._left += 1
+
+    def cached(self, stage: str, count: int) -> None:
+        """Print nothing."""
 
     def started(self, stage: str, shard: str, reason: Reason) -> None:
         """Record the start; print a line for the only task of a stage."""
@@ -145,10 +161,6 @@ class Lines:
         """Record the finished part."""
         if (stage, shard) in self._running:
             self._running[stage, shard].part = done / max(total, 1)
-
-    def cached(self, stage: str, count: int) -> None:
-        """Count the tasks."""
-        self._left -= count
 
     def finished(self, stage: str, shard: str, result: str, wall_s: float, cpu_s: float, message: str) -> None:
         """Print a line, unless the task was cached."""

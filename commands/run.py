@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 from afford.extraction.sources.discover import Source
 from commands.compare import Names, publish_columns
 from commands.errors import UsageError
+from commands.memory import show_memory_warnings, stage_memory
 from commands.only import publish_recordings, record, run_only
 from commands.origin import NEEDED
 from commands.outputs import Publisher, collect_metrics, partial_outputs, publish_outputs
@@ -119,7 +120,9 @@ def run(request: Request) -> int:
     _refused(report, source)
     summary = Summary(target, report.ran, report.cached, report.failed, outputs, metrics, round(report.seconds, 3),
                       None if limit_s is None else report.deferred, notes or None)
-    show_summary(summary, report, source)
+    memory = stage_memory(runner, graph, report)
+    show_summary(summary, report, source, memory)
+    show_memory_warnings(memory, report.ran)
     show_warnings(runner, report)
     show_inspect_hints(report, [stage for stage in stages if stage in going.waiting or not outputs])
     if request.json:

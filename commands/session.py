@@ -7,7 +7,8 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from afford.common.worker import use_font_cache, use_kernel_cache
+from afford.common.kernel_cache import use_kernel_cache
+from afford.common.worker import use_font_cache
 from commands.errors import UsageError
 from runner import Runner, is_store
 
@@ -37,7 +38,7 @@ def open_runner(store: Path | None = None, jobs: int | None = None, rehash: bool
     there = next(path for path in (folder, *folder.parents) if os.path.exists(path))
     if not there.is_dir():
         raise UsageError(f"--store {folder}: {there} is a file; name a folder")
-    use_kernel_cache(ROOT, folder)
+    use_kernel_cache(folder)
     use_font_cache(folder)
     return Runner(folder, ROOT, CODEC, WORKER, jobs=DEFAULT_JOBS if jobs is None else jobs, memory_gib=_memory_gib(),
                   rehash=rehash, plan_only=plan_only)

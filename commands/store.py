@@ -14,12 +14,13 @@ from typing import Any
 from rich.markup import escape
 from rich.tree import Tree
 
+from afford.common.kernel_cache import collect_kernels
 from commands.compare import build_columns
 from commands.errors import UsageError, unknown
 from commands.only import plan_only as plan_of_stages
 from commands.origin import origin
 from commands.run import Request
-from commands.session import STORE, digester, open_existing, open_runner
+from commands.session import ROOT, STORE, digester, open_existing, open_runner
 from commands.settings import columns
 from commands.tables import console, plain_table, print_json
 from commands.target_graphs import first_target_with, graph_of_request, resolve_stages, resolve_target
@@ -32,6 +33,8 @@ from runner.plan_groups import group_plans
 BEGINNING = re.compile(r"[0-9a-f]+")
 """prefix of a digest"""
 SHOWN_FILES = 6
+KERNELS = "(kernels)"
+"""row of compiled kernels of old sources"""
 MANY_TASKS = 300
 """tasks up to which `explain` prints one line each"""
 
@@ -180,7 +183,7 @@ def lineage(artifact: str, store: Path | None, as_json: bool) -> int:
 def _digest_of(runner: Runner, path: Path) -> str:
     """Keep a path in the store; find the blob of a published file by its content."""
     store = runner.store.root.resolve()
-    if path.resolve().is_relative_to(store) and path.resolve().relative_to(store).parts[0] in ("blobs", "manifests"):
+    if path.resolve().is_relative_to(store) and path.resolve().relative_to(store).parts[0] == "blobs":
         return str(path)
     file = path if path.is_file() else next(iter(sorted(p for p in path.rglob("*") if p.is_file())), path)
     blob = runner.hash_file(file)[0]
@@ -248,7 +251,7 @@ def verify(store: Path | None, as_json: bool) -> int:
 
 
 def gc(store: Path | None, rules: Rules, dry_run: bool, as_json: bool) -> int:
-    """Delete what the rules do not keep, or count it.
+    """Delete what the rules do not keep and compiled kernels of old sources, or count it.
 
     UsageError for a stage of `drop` that the store lacks.
     """
@@ -256,6 +259,10 @@ def gc(store: Path | None, rules: Rules, dry_run: bool, as_json: bool) -> int:
         swept = open_existing(store).gc(dry_run, rules)
     except UnknownStageError as error:
         raise UsageError(str(error)) from error
+    files, size = collect_kernels(ROOT, store or STORE, dry_run=dry_run)
+    if files:
+        swept.stages[KERNELS] = {"files": files, "bytes": size}
+        swept = replace(swept, files=swept.files + files, bytes=swept.bytes + size)
     if as_json:
         print_json(asdict(swept))
         return 0

@@ -14,6 +14,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from afford.extraction.sources.discover import Source
+from commands.memory import StageMemory
 from runner import RunReport
 
 MANY = 200
@@ -45,14 +46,15 @@ class Summary:
         return json.dumps({name: value for name, value in vars(self).items() if value is not None}, sort_keys=True) + "\n"
 
 
-def show_summary(summary: Summary, report: RunReport, source: Source | None) -> None:
-    """Print the summary for people."""
+def show_summary(summary: Summary, report: RunReport, source: Source | None,
+                 memory: Mapping[str, StageMemory] | None = None) -> None:
+    """Print the summary for people; `memory` by stage."""
     console = Console(stderr=True, width=None if sys.stderr.isatty() else PIPED_WIDTH)
-    table = Table("stage", "ran", "cached", "failed", "CPU s", box=None)
+    table = Table("stage", "ran", "cached", "failed", "CPU s", "GiB used/declared", box=None)
     for stage in _stages(summary):
         cpu = sum(seconds for (name, _), seconds in report.cpu_s.items() if name == stage)
         cells = [str(counts.get(stage, "") or "") for counts in (summary.ran, summary.cached, summary.failed)]
-        table.add_row(stage, *cells, f"{cpu:.1f}")
+        table.add_row(stage, *cells, f"{cpu:.1f}", str((memory or {}).get(stage, "")))
     console.print(table)
     if source and source.missing:
         console.print(f"no video for {len(source.missing)} annotated video(s): {escape(', '.join(source.missing[:8]))}"

@@ -116,10 +116,6 @@ class RunLog:
         finally:
             os.close(self._file)
 
-    def follow(self, report: RunReport) -> None:
-        """Take the report that a run fills, before it begins: keys and memory of its tasks are read from it."""
-        self._report = report
-
     def ended(self, report: RunReport) -> None:
         """Take the report at the end of a run; of several runs in one block, the tables are joined."""
         for stage, shards in report.used.items():
@@ -146,6 +142,11 @@ class RunLog:
         return "error" if isinstance(error, Exception) else "stopped"
 
     # -- events of the run -----------------------------------------------------------------------------------------------
+
+    def begun(self, report: RunReport) -> None:
+        """Follow the report, from which keys and memory of tasks are read."""
+        self._report = report
+        self._observer.begun(report)
 
     def planned(self, stage: str, shard: str) -> None:
         """Pass on; a run without any task leaves no log if it is refused."""

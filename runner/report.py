@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 from typing import Any, Literal, Protocol
 
 Why = Literal["first run", "input changed", "parameter changed", "code changed", "schema changed", "library version changed",
-              "threads changed", "machine changed", "output lost", "output damaged", "forced", "upstream pending"]
+              "threads changed", "machine changed", "output lost", "output damaged", "output dropped",
+              "forced", "upstream pending"]
 Result = Literal["ran", "cached", "failed", "blocked", "deferred"]
 
 
@@ -61,12 +62,12 @@ class RunReport:
     failures: list[Failure] = field(default_factory=list)
     outputs: dict[str, list[tuple[str, str]]] = field(default_factory=dict)
     stale: list[str] = field(default_factory=list)
+    used: dict[str, dict[str, str]] = field(default_factory=dict)
+    """stage -> shard -> key of every task that ran or was cached"""
     cpu_s: dict[tuple[str, str], float] = field(default_factory=dict)
     """CPU seconds of every finished (stage, shard), also of those that an earlier run computed"""
     peak_mib: dict[tuple[str, str], float] = field(default_factory=dict)
     """peak memory of the process during the task, MiB"""
-    used: dict[str, dict[str, str]] = field(default_factory=dict)
-    """stage -> shard -> key of every task that the run used"""
     seconds: float = 0.0
 
     @property
@@ -78,17 +79,20 @@ class RunReport:
 class Observer(Protocol):
     """Receives the events of a run, in the thread of the scheduler; it must not block."""
 
+    def begun(self, report: RunReport) -> None:
+        """A run begins, and fills its report while it goes on."""
+
     def planned(self, stage: str, shard: str) -> None:
         """A task is known; later shards become known while earlier ones run."""
 
     def started(self, stage: str, shard: str, reason: Reason) -> None:
         """A worker has started the task."""
 
+    def cached(self, stage: str, count: int) -> None:
+        """Tasks of a stage were found in the store; they are neither planned nor finished."""
+
     def progress(self, stage: str, shard: str, done: int, total: int) -> None:
         """The stage reported its progress."""
-
-    def cached(self, stage: str, count: int) -> None:
-        """The output of `count` tasks of the stage is stored, so that they are over."""
 
     def finished(self, stage: str, shard: str, result: Result, wall_s: float, cpu_s: float, message: str) -> None:
         """The task is over; `message` gives the reason of a failure, '' otherwise."""
@@ -105,4 +109,4 @@ class SilentObserver:
     def planned(self, *_: Any) -> None:
         """Ignore the event."""
 
-    started = progress = finished = cached = planned
+    begun = started = progress = finished = cached = planned

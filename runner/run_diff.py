@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from runner.differences import definition_changes, differing, pairs, parameter_changes
+from runner.index import Index, Trace
 from runner.run_table import Keys
 from runner.task_planner import kept_definitions
-from runner.traces import Trace, Traces
 
 COST = 0.2
 """relative change of a stage's CPU seconds that is worth a line"""
@@ -44,13 +44,13 @@ class StageDiff:
         return not (self.only_a or self.only_b or self.changed or self.outputs or self.costs_differ)
 
 
-def compare_runs(a: Keys, b: Keys, traces: Traces, store: Path) -> list[StageDiff]:
+def compare_runs(a: Keys, b: Keys, traces: Index, store: Path) -> list[StageDiff]:
     """Differences by stage, in the order of the names; stages without any are omitted."""
     diffs = [_stage(name, a.get(name, {}), b.get(name, {}), traces, store) for name in sorted({*a, *b})]
     return [diff for diff in diffs if not diff.empty]
 
 
-def _stage(name: str, a: Mapping[str, str], b: Mapping[str, str], traces: Traces, store: Path) -> StageDiff:
+def _stage(name: str, a: Mapping[str, str], b: Mapping[str, str], traces: Index, store: Path) -> StageDiff:
     diff = StageDiff(name, sorted(a.keys() - b.keys()), sorted(b.keys() - a.keys()))
     cpu_a = cpu_b = 0.0
     for shard in sorted(shard for shard in a.keys() & b.keys() if a[shard] != b[shard]):

@@ -7,13 +7,27 @@ frozen dataclass (`-` in the entry's name becomes `_`):
     BACKENDS = {"flow": "afford.flow:propagate", "sam2": "afford.sam2:propagate"}
     LIBRARIES = ("numpy",)                                    needed by every backend
     BACKEND_LIBRARIES = {"sam2": ("torch", "transformers")}   needed by this backend as well
-    BACKEND_MEMORY_GIB = {"sam2": 6.0}                        replaces MEMORY_GIB; likewise THREADS and MACHINE
+    BACKEND_MEMORY_GIB = {"sam2": 6.0}                        replaces MEMORY_GIB; likewise all others below
 
     @dataclass(frozen=True)
     class Params:
         backend: str = "flow"
         flow: Flow = Flow()
         sam2: Sam2 = Sam2()
+
+What a stage declares, each with a default:
+
+    LIBRARIES = ("numpy",)    distributions whose versions are in the key; default: none
+    THREADS = 1               CPU threads; part of the key, because the number of threads may decide the last bits
+    MACHINE = False           True, or parameters that make the bytes depend on the kind of machine
+    MEMORY_GIB = 1.0          memory of the process that runs the stage, its libraries included
+    GPUS = 0                  a number; or the name of a parameter ("device", "sam2.device"): one GPU if its value starts with
+                              "cuda"; or ("device", "devices"): as many as the second parameter says
+    GPU_SHARED = False        True: other tasks that say so may use the same GPU at the same time
+    SCRATCH_GIB = 0.0         disk space for files in the scratch folder
+    TIMEOUT_S = 3600.0        the task fails after so many seconds without progress; reports through ctx restart the clock
+
+Memory, GPUs, scratch and time-outs decide where and when a task runs, never its bytes, and are in no key.
 
 With backend="flow", the key contains neither the values of `sam2`, nor the class Sam2, nor the version of torch. `Unselected`
 replaces the block, and raises an error when the stage reads one of its attributes.
@@ -30,10 +44,18 @@ from runner.modules import Modules
 from runner.references import referents
 from runner.source import Module
 
-KINDS: dict[str, type | tuple[type, ...]] = {"LIBRARIES": list, "THREADS": int, "MEMORY_GIB": (int, float), "MACHINE": (bool, str)}
-DEFAULTS: dict[str, Any] = {"LIBRARIES": [], "THREADS": 1, "MEMORY_GIB": 1.0, "MACHINE": False}
-SHAPE = ('LIBRARIES = ("name", ...), THREADS = int, MEMORY_GIB = float and MACHINE = True or the name of a parameter, or of a '
-         'parameter of a block ("block.name"), as literals; BACKEND_LIBRARIES = {"entry": ("name", ...)} and so on for the entries '
+NUMBER = (int, float)
+KINDS: dict[str, type | tuple[type, ...]] = {
+    "LIBRARIES": list, "THREADS": int, "MEMORY_GIB": NUMBER, "MACHINE": (bool, str), "GPUS": (int, str, list), "GPU_SHARED": bool,
+    "SCRATCH_GIB": NUMBER, "TIMEOUT_S": NUMBER}
+DEFAULTS: dict[str, Any] = {
+    "LIBRARIES": [], "THREADS": 1, "MEMORY_GIB": 1.0, "MACHINE": False, "GPUS": 0, "GPU_SHARED": False, "SCRATCH_GIB": 0.0,
+    "TIMEOUT_S": 3600.0}
+LOGICAL = ("MACHINE", "GPU_SHARED")
+"""declarations that may be True or False"""
+SHAPE = ('LIBRARIES = ("name", ...), THREADS = int, MEMORY_GIB, SCRATCH_GIB and TIMEOUT_S = float, GPU_SHARED = bool, '
+         'MACHINE = True or the name of a parameter, or of a parameter of a block ("block.name"), GPUS = int, or the name of a '
+         'parameter, or ("device", "devices"), as literals; BACKEND_LIBRARIES = {"entry": ("name", ...)} and so on for the entries '
          "of BACKENDS")
 
 
@@ -71,10 +93,10 @@ def unselected(modules: Modules, module: str, select: Mapping[str, object]) -> f
 
 
 def declarations(modules: Modules, module: str, select: Mapping[str, object] | None = None) -> dict[str, Any]:
-    """LIBRARIES, THREADS, MEMORY_GIB and MACHINE of a stage's module under these parameters.
+    """Declarations of a stage's module under these parameters, by name.
 
-    Without parameters: of all backends together. MACHINE is True, False or a list of parameter names. ValueError when a
-    declaration has the wrong type.
+    Of several backends, and without parameters of all of them, the largest value counts. MACHINE is True, False or a list of
+    parameter names. GPUS is a list of its different values. ValueError when a declaration has the wrong type.
     """
     found = modules.get(module)
     literals = found.literals if found else {}
@@ -92,10 +114,18 @@ def declarations(modules: Modules, module: str, select: Mapping[str, object] | N
                 special[kind] = values if special[kind] == [own[kind]] else [*special[kind], *values]
     if tables:
         raise ValueError(f"{module}: {min(tables)} belongs to no registry of this module; expected {SHAPE}")
-    machines = [value for value in special["MACHINE"] if value]
-    return {"LIBRARIES": sorted({name for names in (own["LIBRARIES"], *special["LIBRARIES"]) for name in names}),
-            "THREADS": max(special["THREADS"]), "MEMORY_GIB": float(max(special["MEMORY_GIB"])),
-            "MACHINE": True if True in machines else machines}
+    return _together(own["LIBRARIES"], special)
+
+
+def _together(libraries: list[str], values: Mapping[str, list[Any]]) -> dict[str, Any]:
+    """One value of each declaration from those of the selected backends."""
+    machines = [value for value in values["MACHINE"] if value]
+    return {"LIBRARIES": sorted({name for names in (libraries, *values["LIBRARIES"]) for name in names}),
+            "THREADS": max(values["THREADS"]), "MEMORY_GIB": float(max(values["MEMORY_GIB"])),
+            "MACHINE": True if True in machines else machines,
+            "GPUS": [value for at, value in enumerate(values["GPUS"]) if value and value not in values["GPUS"][:at]],
+            "GPU_SHARED": all(values["GPU_SHARED"]), "SCRATCH_GIB": float(max(values["SCRATCH_GIB"])),
+            "TIMEOUT_S": float(max(values["TIMEOUT_S"]))}
 
 
 def hide_unselected(params: Any, blocks: Iterable[str]) -> Any:
@@ -169,6 +199,11 @@ def _of_entries(module: str, name: str, table: Any, entries: Mapping[str, str]) 
 
 
 def _checked(module: str, kind: str, value: Any) -> Any:
-    if not isinstance(value, KINDS[kind]) or (isinstance(value, bool) and kind != "MACHINE"):
+    fits = isinstance(value, KINDS[kind]) and (kind in LOGICAL or not isinstance(value, bool))
+    if isinstance(value, NUMBER):
+        fits = fits and (value > 0 if kind in ("THREADS", "TIMEOUT_S") else value >= 0)
+    if kind == "GPUS" and isinstance(value, list):
+        fits = len(value) == 2 and all(isinstance(name, str) for name in value)
+    if not fits:
         raise ValueError(f"{module}: expected {SHAPE}, got {kind} = {value!r}")
     return value

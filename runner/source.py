@@ -27,7 +27,8 @@ from runner.spelling import Slots, is_text, spell
 __all__ = ["Module", "SourceError", "import_of", "line_of", "parse_module", "untyped", "where"]
 
 REGISTRY_VALUE = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
-LITERALS = re.compile(r"([A-Z]\w*_)?(LIBRARIES|THREADS|MEMORY_GIB|MACHINE)|DATA_FILES|DYNAMIC")
+DECLARED = "LIBRARIES|THREADS|MEMORY_GIB|MACHINE|GPUS|GPU_SHARED|SCRATCH_GIB|TIMEOUT_S"
+LITERALS = re.compile(rf"([A-Z]\w*_)?({DECLARED})|DATA_FILES|DYNAMIC")
 PARAMS = "Params"
 """class whose blocks are separate statements, see `runner.selection`"""
 BUILTINS = frozenset((*(name for name in dir(builtins) if not name.startswith("_")), "__name__")) - {

@@ -1,11 +1,11 @@
-"""Set-up of a worker process, so that equal keys give equal bytes: threads, seeds, caches of compiled code.
+"""Set-up of a worker process, so that equal keys give equal bytes: threads, seeds, the list of fonts.
 
-Libraries that load late are seeded when they are imported. Cached machine code and font lists are verified by a digest before use.
+Libraries that load late are seeded when they are imported. The list of fonts is verified by a digest before use; so is compiled
+code (`afford.common.kernel_cache`).
 """
 
 from __future__ import annotations
 
-import io
 import os
 import random
 import sys
@@ -21,8 +21,6 @@ from blake3 import blake3
 DYNAMIC = ()  # sys.modules is only counted
 VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 FONT_FOLDER = "sealed-matplotlib"
-SEALED = "verified-"
-"""prefix of folders of compiled code that is verified before use"""
 
 
 def prepare(seed: int, threads: int) -> None:
@@ -49,8 +47,6 @@ def prepare(seed: int, threads: int) -> None:
         torch.manual_seed(seed)
 
     when_loaded("torch", torch_too)
-    if SEALED in os.environ.get("NUMBA_CACHE_DIR", ""):
-        when_loaded("numba.core.caching", seal_kernels)
     if FONT_FOLDER in os.environ.get("MPLCONFIGDIR", ""):
         seal_fonts(Path(os.environ["MPLCONFIGDIR"]))
 
@@ -78,31 +74,11 @@ def _limit(threads: int) -> None:
     _pools.modules, _pools.threads = len(sys.modules), threads
 
 
-def kernel_sources(root: Path) -> list[Path]:
-    """List every file that compiles numba kernels or defines constants for them."""
-    return sorted(path for path in (root / "afford").rglob("*.py"))
-
-
-def use_kernel_cache(root: Path, store: Path) -> Path:
-    """Set numba's cache to a folder of the store whose name is the digest of the kernel sources. Its files are sealed."""
-    digest = blake3()
-    for path in kernel_sources(root):
-        digest.update(path.relative_to(root).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
-    folder = store / ".cache" / "numba" / (SEALED + digest.hexdigest(16))
-    os.environ["NUMBA_CACHE_DIR"] = str(folder)
-    when_loaded("numba.core.caching", seal_kernels)
-    return folder
-
-
 def use_font_cache(store: Path) -> None:
     """Set matplotlib's font list to a file in the store, with a digest, and ignore the settings in the home folder."""
     os.environ["MPLCONFIGDIR"] = str(store / ".cache" / FONT_FOLDER)
     seal_fonts(store / ".cache" / FONT_FOLDER)
 
-
-DIGEST_SUFFIX = ".blake3"
-COMPILED = (".nbi", ".nbc")
-"""suffixes of numba's files: the index of a function's signatures, and machine code"""
 
 FONT_LISTS = "fontlist-*.json"
 
@@ -146,46 +122,6 @@ def when_loaded(name: str, action: Callable[[Any], None]) -> None:
         action(sys.modules[name])
     elif _watcher not in sys.meta_path:
         sys.meta_path.insert(0, _watcher)
-
-
-def seal_kernels(caching: Any) -> None:
-    """Replace the `open` of `numba.core.caching` by one that seals compiled files with a BLAKE3 digest.
-
-    Every file is verified before it is unpickled or run. A file with a wrong or missing digest is deleted and compiled again. The
-    format of the files is unchanged, so that a process without this `open` can share them.
-    """
-    caching.open = open_sealed
-
-
-def open_sealed(path: Any, mode: str = "r", *more: Any) -> Any:
-    """Open a file; compiled files are verified by their digest. FileNotFoundError for a wrong digest."""
-    name = str(path)
-    if not any(suffix in os.path.basename(name) for suffix in COMPILED):
-        return open(path, mode, *more)
-    if mode == "wb":
-        return _Sealing(name)
-    data = Path(name).read_bytes()
-    digest = Path(name + DIGEST_SUFFIX)
-    if not digest.exists() or digest.read_bytes() != blake3(data).digest():
-        os.unlink(name)
-        raise FileNotFoundError(f"{name} was damaged and is deleted; it is compiled again")
-    return io.BytesIO(data)
-
-
-class _Sealing(io.BytesIO):
-    """Output file that writes its digest when it is closed."""
-
-    def __init__(self, path: str) -> None:
-        super().__init__()
-        self._path = path
-
-    def close(self) -> None:
-        """Write the digest for the final name, then the file under its temporary name, which numba renames."""
-        if not self.closed:
-            data = self.getvalue()
-            Path(self._path.partition(".tmp.")[0] + DIGEST_SUFFIX).write_bytes(blake3(data).digest())
-            Path(self._path).write_bytes(data)
-        super().close()
 
 
 def seal_fonts(folder: Path) -> None:

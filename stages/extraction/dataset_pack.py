@@ -20,6 +20,7 @@ from schemas.spec import Context
 LIBRARIES = ("numpy", "pyarrow", "pycocotools", "blake3", "matplotlib", "pillow", "opencv-python-headless")
 THREADS = 1
 MEMORY_GIB = 2.0
+SCRATCH_GIB = 2.0
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,9 @@ BACKEND_LIBRARIES = {"sam3": ("transformers", "tokenizers")}
 THREADS = 1
 MEMORY_GIB = 2.5
 BACKEND_MEMORY_GIB = {"sam3": 6.0}
+BACKEND_GPUS = {"sam3": "sam3.device"}
+GPU_SHARED = True
+TIMEOUT_S = 86400.0  # reports no progress: minutes for most clips, hours for a long one with a model on a CPU
 
 BACKENDS = {
     "network": "afford.extraction.hands.network:find",

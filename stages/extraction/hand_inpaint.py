@@ -24,6 +24,9 @@ BACKEND_LIBRARIES = {"layered": ("numba",), "median": ("numba",), "vidm": ("torc
 THREADS = 1
 MEMORY_GIB = 1.0
 BACKEND_MEMORY_GIB = {"vidm": 4.0, "lama": 3.0}
+BACKEND_GPUS = {"vidm": "vidm.device", "lama": "lama.device"}
+GPU_SHARED = True
+TIMEOUT_S = 86400.0  # reports no progress: minutes for most clips, hours for a long one with a model on a CPU
 
 BACKENDS = {
     "layered": "afford.extraction.inpaint.layered:inpaint",

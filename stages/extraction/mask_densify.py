@@ -24,6 +24,9 @@ BACKEND_LIBRARIES = {"flow": ("numba",), "sam2": ("torch", "transformers", "safe
 THREADS = 1
 MEMORY_GIB = 2.0
 BACKEND_MEMORY_GIB = {"sam2": 6.0}
+BACKEND_GPUS = {"sam2": "sam2.device"}
+GPU_SHARED = True
+TIMEOUT_S = 86400.0  # reports no progress: minutes for most clips, hours for a long one with a model on a CPU
 
 BACKENDS = {
     "flow": "afford.extraction.tracks.flow:propagate",

@@ -28,6 +28,9 @@ BACKEND_LIBRARIES = {"template": ("numba",), "sam2": ("torch", "transformers", "
 THREADS = 1
 MEMORY_GIB = 1.0
 BACKEND_MEMORY_GIB = {"sam2": 4.0}
+BACKEND_GPUS = {"sam2": "sam2.device"}
+GPU_SHARED = True
+TIMEOUT_S = 86400.0  # reports no progress: minutes for most clips, hours for a long one with a model on a CPU
 
 BACKENDS = {
     "template": "afford.extraction.complete.geometric:template",

@@ -23,6 +23,9 @@ BACKEND_LIBRARIES = {"vlm": ("torch", "transformers", "safetensors")}
 THREADS = 1
 MEMORY_GIB = 1.5
 BACKEND_MEMORY_GIB = {"vlm": 8.0}
+BACKEND_GPUS = {"vlm": "vlm.device"}
+GPU_SHARED = True
+BACKEND_TIMEOUT_S = {"vlm": 86400.0}  # reports no progress; hours on a CPU
 
 BACKENDS = {"vlm": "afford.grasping.judge:judge_by_model", "endpoint": "afford.grasping.judge:judge_by_server"}
 

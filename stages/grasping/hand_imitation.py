@@ -22,6 +22,7 @@ from schemas.training import Trained
 LIBRARIES = ("numpy", "scipy", "torch", "safetensors", "trimesh", "mujoco", "pybullet", "gymnasium", "protobuf", "blake3")
 THREADS = 2
 MEMORY_GIB = 2.0
+TIMEOUT_S = 14400.0  # simulates its data before the first report of progress
 
 
 @dataclass(frozen=True)

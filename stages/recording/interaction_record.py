@@ -19,6 +19,8 @@ LIBRARIES = ("numpy", "torch", "safetensors", "opencv-python-headless", "pillow"
              "foxglove-schemas-protobuf", "protobuf", "zstandard", "blake3")  # fmt: skip
 THREADS = 1
 MEMORY_GIB = 1.0
+GPUS = "device"
+GPU_SHARED = True
 
 
 @dataclass(frozen=True)

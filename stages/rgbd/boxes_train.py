@@ -26,6 +26,7 @@ LIBRARIES = ("numpy", "torch", "safetensors", "opencv-python-headless", "pyarrow
 THREADS = 2
 MEMORY_GIB = 2.0
 MACHINE = "bf16"  # a CPU without instructions for bfloat16 goes on in single precision
+GPUS = ("device", "devices")
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,7 @@ LIBRARIES = ("numpy", "opencv-python-headless")
 BACKEND_LIBRARIES = {"regularised": ("numba",)}
 THREADS = 1
 MEMORY_GIB = 0.5
+TIMEOUT_S = 86400.0  # reports no progress, whatever the length of the recording
 SMALLEST_PX = 32
 
 BACKENDS = {

@@ -18,6 +18,8 @@ from schemas.spec import Context
 LIBRARIES = ("numpy", "torch", "safetensors", "opencv-python-headless", "blake3")
 THREADS = 1
 MEMORY_GIB = 1.0
+GPUS = "device"
+GPU_SHARED = True
 
 
 @dataclass(frozen=True)

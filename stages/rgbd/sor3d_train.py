@@ -27,7 +27,9 @@ if TYPE_CHECKING:
 LIBRARIES = ("numpy", "torch", "safetensors", "opencv-python-headless", "pyarrow", "blake3", "protobuf")
 THREADS = 2
 MEMORY_GIB = 2.0
+SCRATCH_GIB = 1.0
 MACHINE = "bf16"  # a CPU without instructions for bfloat16 goes on in single precision
+GPUS = ("device", "devices")
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,8 @@ from schemas.spec import Context
 LIBRARIES = ("numpy", "torch", "safetensors", "opencv-python-headless", "pillow", "matplotlib", "blake3")
 THREADS = 1
 MEMORY_GIB = 1.5
+GPUS = "device"
+GPU_SHARED = True
 
 BACKENDS = {
     "sor3d": "afford.rgbd.model.predictor:picture_predictor",

@@ -24,6 +24,9 @@ BACKEND_LIBRARIES = {"regions": ("numba", "embreex"), "sam": ("torch", "transfor
 THREADS = 1
 MEMORY_GIB = 1.0
 BACKEND_MEMORY_GIB = {"sam": 6.0}
+BACKEND_GPUS = {"sam": "sam.device"}
+GPU_SHARED = True
+BACKEND_TIMEOUT_S = {"sam": 86400.0}  # reports no progress; hours on a CPU
 
 BACKENDS = {"regions": "afford.surface.proposals.regions:propose", "sam": "afford.surface.proposals.sam:propose",
             "grid": "afford.surface.proposals.grid:propose"}  # fmt: skip

@@ -22,6 +22,9 @@ BACKEND_LIBRARIES = {"parts": ("embreex",), "clip": ("transformers", "tokenizers
 THREADS = 1
 MEMORY_GIB = 1.0
 BACKEND_MEMORY_GIB = {"clip": 3.0}
+BACKEND_GPUS = {"clip": "clip.device"}
+GPU_SHARED = True
+BACKEND_TIMEOUT_S = {"clip": 86400.0}  # reports no progress; hours on a CPU
 
 BACKENDS = {"parts": "afford.surface.score.part_scorer:score", "clip": "afford.surface.score.clip:score"}
 

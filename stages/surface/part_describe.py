@@ -26,6 +26,9 @@ BACKEND_LIBRARIES = {"vlm": ("numpy", "torch", "transformers", "safetensors", "p
 THREADS = 1
 MEMORY_GIB = 1.0
 BACKEND_MEMORY_GIB = {"vlm": 8.0}
+BACKEND_GPUS = {"vlm": "vlm.device"}
+GPU_SHARED = True
+BACKEND_TIMEOUT_S = {"vlm": 86400.0}  # reports no progress; hours on a CPU
 
 BACKENDS = {"rules": "afford.surface.describe.lexicon:describe", "vlm": "afford.surface.describe.chat:describe_by_model",
             "endpoint": "afford.surface.describe.chat:describe_by_server"}  # fmt: skip

@@ -23,6 +23,8 @@ LIBRARIES = ("numpy", "opencv-python-headless", "torch", "safetensors", "transfo
              "blake3")  # fmt: skip
 THREADS = 1
 MEMORY_GIB = 2.0
+GPUS = "device"
+GPU_SHARED = True
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,7 @@ LIBRARIES = ("numpy", "numba", "scipy", "scikit-image", "trimesh", "opencv-pytho
              "pycocotools", "zstandard", "pybullet", "gymnasium")
 THREADS = 1
 MEMORY_GIB = 2.0
+SCRATCH_GIB = 0.5
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,9 @@ LIBRARIES = ("numpy", "torch", "transformers", "tokenizers", "peft", "safetensor
              "pycocotools", "blake3", "protobuf", "foxglove-schemas-protobuf", "mcap", "mcap-protobuf-support")  # fmt: skip
 THREADS = 2
 MEMORY_GIB = 2.0
+SCRATCH_GIB = 2.0
 MACHINE = "bf16"  # a CPU without instructions for bfloat16 trains in single precision
+GPUS = ("device", "devices")
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,8 @@ LIBRARIES = ("numpy", "opencv-python-headless", "pillow", "pyarrow", "torch", "s
              "peft", "scipy", "blake3")  # fmt: skip
 THREADS = 1
 MEMORY_GIB = 2.0
+GPUS = "device"
+GPU_SHARED = True
 
 
 @dataclass(frozen=True)

@@ -136,7 +136,7 @@ def _fault_of_make(words: Sequence[str]) -> str:
     unknown = [word for word in words[1:] if "=" in word and word.partition("=")[0] not in known]
     if unknown:
         return f"the Makefile reads no {unknown[0].partition('=')[0]}"
-    ready = [f"-o{stamp}" for stamp in (".venv/.ready", ".venv/.ready-film", ".venv/.ready-gpu", ".venv/.ready-dev")]
+    ready = [f"-o.venv/.ready{extra}" for extra in ("", "-film", "-gpu", "-ray", "-dev")]
     environment = {name: value for name, value in os.environ.items() if name not in FROM_MAKE}
     done = subprocess.run(["make", "-n", *ready, *words[1:]], cwd=ROOT, env=environment, capture_output=True, text=True)
     if done.returncode:

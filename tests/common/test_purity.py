@@ -17,12 +17,13 @@ from typing import Any
 import pytest
 
 from afford.codecs import CODEC
+from afford.common.kernel_cache import LOCATOR
 from afford.common.worker import FONT_FOLDER
 from runner import RunReport
 from runner.fingerprint import fingerprint
 from runner.modules import Modules
 from runner.store import Store, prepare_store
-from runner.traces import Trace, Traces
+from runner.index import Index, Trace
 from tests.helpers import impure_stages, landlock
 from tests.helpers.command import Made
 from tests.helpers.fonts import with_fonts
@@ -39,6 +40,8 @@ OTHER_ENVIRONMENT = {
     "HOME": "/nonexistent", "USER": "other", "TZ": "Pacific/Chatham", "LANG": "C", "LC_ALL": "C", "PYTHONUTF8": "0",
     "PYTHONCOERCECLOCALE": "0", "PYTHONHASHSEED": "4711", "PYTHONDONTWRITEBYTECODE": "1", "COLUMNS": "40",
     "OPENBLAS_NUM_THREADS": "3", "SOURCE_DATE_EPOCH": "1", "MPLBACKEND": "svg"}  # fmt: skip
+KERNEL_CACHE = [str(ROOT / "afford" / "common" / name) for name in ("kernel_cache.py", "kernel_locator.py")]
+"""files of the project that numba imports to find compiled kernels; they decide no bytes"""
 MACHINE_KIND = ("OPENBLAS_CORETYPE",)
 """selects the vector units of linear algebra; bytes are promised for one kind of machine only"""
 COMPARED = ("predict_cases", "baseline_cases", "score_cases", "benchmark")
@@ -55,7 +58,7 @@ class Server:
 
     def do(self, folder: Path, store: Path, **job: Any) -> Path:
         """Do a job with the fonts of a store, and return its answer."""
-        environment = {"NUMBA_CACHE_DIR": str(KERNELS), "MPLCONFIGDIR": str(store / ".cache" / FONT_FOLDER)}
+        environment = {**LOCATOR, "NUMBA_CACHE_DIR": str(KERNELS), "MPLCONFIGDIR": str(store / ".cache" / FONT_FOLDER)}
         (folder / "job.json").write_text(json.dumps({"root": str(ROOT), "store": str(store), "environment": environment, **job}))
         assert self._process.stdin and self._process.stdout
         print(folder / "job.json", file=self._process.stdin, flush=True)
@@ -115,7 +118,7 @@ def test_stage_is_pure(stage: str, made: Made, filled: Callable[[Maker], Path], 
     store = filled(ELSEWHERE[stage]) if stage in ELSEWHERE else made.store
     if stage in COMPARED:
         store = request.getfixturevalue("benchmarked")
-    traces = one_of_each(Traces(store).all(), f"{MODULES[stage]}:run")
+    traces = one_of_each(Index(store).all(), f"{MODULES[stage]}:run")
     assert traces, f"no run of stages/{stage}.py to repeat: add it to a target of the tiny source"
     answers = replay(probe, list(map(task, traces)), sources(traces, modules), store, tmp_path)
     for trace, answer in zip(traces, answers, strict=True):
@@ -136,7 +139,7 @@ def test_impure_stages_are_detected(made: Made, probe: Server, tmp_path: Path) -
     """Each impure stage gives another output or is reported. Files that libraries open are seen with Landlock only."""
     store = Store(tmp_path / "store", CODEC)
     prepare_store(store.root)
-    trace = next(trace for trace in Traces(made.store).all() if trace.stage == "key_thin")
+    trace = next(trace for trace in Index(made.store).all() if trace.stage == "key_thin")
     clip = Store(made.store, CODEC).load(trace.inputs["clip"])
     given = {"clip": store.put_leaf(clip)}
     functions = [f"tests.helpers.impure_stages:{cheat.__name__}" for cheat in CHEATS]
@@ -179,4 +182,4 @@ def sources(traces: list[Trace], modules: Modules) -> list[str]:
     found = [fingerprint(modules, trace.function, trace.params["fields"]).files for trace in traces]
     found += [fingerprint(modules, "afford.common.worker:prepare", {}).files,
               fingerprint(modules, "afford.codecs:CODEC", {}, excluded=modules.schemas).files]  # fmt: skip
-    return sorted({path for paths in found for path in paths})
+    return sorted({path for paths in found for path in paths} | set(KERNEL_CACHE))

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from afford.common.worker import use_kernel_cache
+from afford.common.kernel_cache import use_kernel_cache
 from afford.rgbd.evaluate.ablation_rows import WHOLE
 from commands.errors import UsageError
 from commands.origin import origin
@@ -82,7 +82,7 @@ def test_sources_of_sequences_and_actions(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_second_run_is_cached_and_shared_with_the_ablation(tmp_path: Path) -> None:
     """The training of the whole model serves both targets."""
-    use_kernel_cache(ROOT, tmp_path)
+    use_kernel_cache(tmp_path)
     runner = Runner(tmp_path, ROOT, "afford.codecs:CODEC", "afford.common.worker:prepare")
     first = runner.run(build("sor3d", Origin("tiny"), FEW), "sor3d")
     assert first.ok and first.ran["sor3d_train"] == 1, first.failures

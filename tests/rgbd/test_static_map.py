@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from afford.common.worker import use_kernel_cache
+from afford.common.kernel_cache import use_kernel_cache
 from commands.errors import UsageError
 from commands.origin import origin
 from commands.run import Request, run
@@ -103,7 +103,7 @@ def test_a_run_from_nothing_to_three_reports(tmp_path: Path, capsys: pytest.Capt
     Models that `sor3d` has trained are not trained again, and pictures of a root are evaluated with the same weights.
     """
     store = tmp_path / "store"
-    use_kernel_cache(ROOT, store)
+    use_kernel_cache(store)
     runner = Runner(store, ROOT, "afford.codecs:CODEC", "afford.common.worker:prepare")
     assert runner.run(build("sor3d", Origin("tiny"), SMALL), "sor3d").ran["sor3d_train"] == 1
     report = runner.run(build("static-sets", Origin("tiny"), SMALL), "static-sets")

@@ -193,14 +193,21 @@ BACKEND_LIBRARIES = {"b": ("two",)}
 BACKEND_THREADS = {"b": 1}
 BACKEND_MEMORY_GIB = {"a": 4, "b": 3.5}
 BACKEND_MACHINE = {"b": "b.bf16"}
+GPUS = 2
+BACKEND_GPUS = {"b": ("device", "devices")}
+BACKEND_GPU_SHARED = {"b": True}
+BACKEND_SCRATCH_GIB = {"a": 20}
+BACKEND_TIMEOUT_S = {"b": 60}
 def run(x=3):
     return BACKENDS
 """
 
 
 @pytest.mark.parametrize(("select", "found"), [
-    ({"backend": "a"}, [["one"], 2, 4.0, []]), ({"backend": "b"}, [["one", "two"], 1, 3.5, ["b.bf16"]]),
-    ({"backend": ("a", "b")}, [["one", "two"], 2, 4.0, ["b.bf16"]]), (None, [["one", "two"], 2, 4.0, ["b.bf16"]])])
+    ({"backend": "a"}, [["one"], 2, 4.0, [], [2], False, 20.0, 3600.0]),
+    ({"backend": "b"}, [["one", "two"], 1, 3.5, ["b.bf16"], [["device", "devices"]], True, 0.0, 60.0]),
+    ({"backend": ("a", "b")}, [["one", "two"], 2, 4.0, ["b.bf16"], [2, ["device", "devices"]], False, 20.0, 3600.0]),
+    (None, [["one", "two"], 2, 4.0, ["b.bf16"], [2, ["device", "devices"]], False, 20.0, 3600.0])])
 def test_declarations_of_the_selected_backends(select: dict[str, object] | None, found: list[Any], tmp_path: Path) -> None:
     """Declarations of an entry replace those of the stage, libraries are added, and the largest of several counts."""
     (tmp_path / "stage.py").write_text(DECLARED)
@@ -213,7 +220,10 @@ def test_declarations_of_the_selected_backends(select: dict[str, object] | None,
     ('{"b": ("two",)}', '{"b": "two"}', r"got LIBRARIES = 'two'"),
     ('BACKEND_THREADS = {"b": 1}', "BACKEND_THREADS = 4", "BACKEND_THREADS: expected entries of the registry"),
     ("BACKEND_MACHINE", "REFINE_MACHINE", "REFINE_MACHINE belongs to no registry"),
-    ("THREADS = 2", "THREADS = True", "got THREADS = True")])
+    ("THREADS = 2", "THREADS = True", "got THREADS = True"), ("THREADS = 2", "THREADS = 0", "got THREADS = 0"),
+    ("GPUS = 2", "GPUS = ('device',)", r"got GPUS = \['device'\]"), ("GPUS = 2", "GPUS = True", "got GPUS = True"),
+    ("THREADS = 2", "GPU_SHARED = 1", "got GPU_SHARED = 1"), ("THREADS = 2", "SCRATCH_GIB = -1", "got SCRATCH_GIB = -1"),
+    ('"b": 60', '"b": 0', "got TIMEOUT_S = 0")])
 def test_declarations_that_are_wrong_are_refused(old: str, new: str, message: str, tmp_path: Path) -> None:
     """The error shows the expected form."""
     (tmp_path / "stage.py").write_text(DECLARED.replace(old, new))

@@ -92,54 +92,6 @@ def test_global_random_states_come_from_the_seed_of_the_task() -> None:
     assert first == again == fresh and all(a != b for a, b in zip(fresh, other, strict=True))
 
 
-KERNEL = """
-import json, os, sys
-from pathlib import Path
-from afford.common.worker import use_kernel_cache, prepare
-folder = use_kernel_cache(Path({root!r}), Path({store!r}))
-prepare(seed=0, threads=1)
-sys.path.insert(0, {code!r})
-import kernel
-print(json.dumps([kernel.double(21), sum(kernel.double.stats.cache_hits.values())]))
-"""
-
-
-@pytest.fixture(scope="module")
-def compiled(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
-    """Folder of a store with one compiled kernel, and the script that prints [result of the kernel, cache hits]."""
-    folder = tmp_path_factory.mktemp("compiled")
-    (folder / "code").mkdir()
-    (folder / "code" / "kernel.py").write_text("import numba\n\n@numba.njit(cache=True)\ndef double(x):\n    return 2 * x\n")
-    script = KERNEL.format(root=str(ROOT), store=str(folder / "store"), code=str(folder / "code"))
-    assert output(script) == [42, 0]
-    return folder, script
-
-
-@pytest.mark.parametrize("places", [(0.5,), pytest.param((3, 40), marks=pytest.mark.slow)], ids=str)
-def test_a_flipped_byte_of_compiled_code_is_found_before_it_runs(places: tuple[float, ...], compiled: tuple[Path, str]) -> None:
-    """Compiled kernels are verified. A damaged one is compiled again, and the next process loads it."""
-    folder, script = compiled
-    assert output(script) == [42, 1]
-    files = sorted((folder / "store" / ".cache" / "numba").rglob("*.nb[ci]"))
-    assert len(files) == 2
-    for path, place in ((path, place) for path in files for place in places):
-        data = bytearray(path.read_bytes())
-        data[place if isinstance(place, int) else int(place * len(data))] ^= 4
-        path.write_bytes(data)
-        assert output(script) == [42, 0], (path.name, place)
-    assert output(script) == [42, 1]
-
-
-def test_a_child_process_of_a_stage_shares_the_compiled_code(compiled: tuple[Path, str]) -> None:
-    """The child inherits the folder by its environment, and leaves the code that workers have compiled unchanged."""
-    store, script = compiled
-    (folder,) = (store / "store" / ".cache" / "numba").iterdir()
-    code = str(store / "code")
-    plain = f"import json, sys; sys.path.insert(0, {code!r}); import kernel; print(json.dumps(kernel.double(21)))"
-    assert output(plain, NUMBA_CACHE_DIR=str(folder)) == 42
-    assert output(script) == [42, 1]
-
-
 FONTS = """
 import json
 from pathlib import Path
