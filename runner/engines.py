@@ -30,8 +30,8 @@ class Engine(Protocol):
     """True if the engine places tasks by their resources itself; the scheduler then bounds the batches in flight by `window`"""
     window: int
 
-    def submit(self, jobs: list[Job]) -> None:
-        """Start a batch of jobs of one stage, which one worker executes in order."""
+    def submit(self, jobs: list[Job], gpus: tuple[str, ...] = ()) -> None:
+        """Start a batch of jobs of one stage, which one worker executes in order; `gpus` are those that it may see."""
 
     def wait(self, timeout_s: float | None) -> list[Message]:
         """Return new messages, at least one unless the time is over."""
@@ -52,7 +52,7 @@ class Inline:
         self._place = Workplace(spec, offsets)
         self._jobs: deque[Job] = deque()
 
-    def submit(self, jobs: list[Job]) -> None:
+    def submit(self, jobs: list[Job], gpus: tuple[str, ...] = ()) -> None:
         """Queue the jobs for `wait`."""
         self._jobs += jobs
 
@@ -104,7 +104,7 @@ class Pool:
         self._workers: list[_Worker] = []
         self._returned: list[Message] = []
 
-    def submit(self, jobs: list[Job]) -> None:
+    def submit(self, jobs: list[Job], gpus: tuple[str, ...] = ()) -> None:
         """Send a batch to an idle worker, preferably one that has loaded some of the inputs, or to a new one."""
         idle = [worker for worker in self._workers if not worker.batch]
         wanted = set(jobs[0].inputs.values())

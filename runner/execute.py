@@ -22,6 +22,7 @@ from runner.index import Manifest, artifact_row
 from runner.keys import CodeFingerprints, machine_kind, seed_of
 from runner.lease import KeyLeases
 from runner.modules import Modules
+from runner.resources import Resources
 from runner.segments import OtherRuns, SegmentWriter, body_of, encode
 from runner.store import LostError, Store, explain_os
 
@@ -40,10 +41,9 @@ class JobSpec:
     code: str
     libraries: dict[str, str]
     threads: int
-    memory_gib: float
-    gpus: Any
-    scratch_gib: float
+    resources: Resources
     timeout_s: float
+    """the shard fails after so long without progress; 0 for no limit"""
     sources: tuple[Source, ...]
 
     @cached_property

@@ -477,13 +477,15 @@ def manifest_of(body: str) -> Manifest:
         groups = zip(fields[::4], fields[1::4], fields[2::4], fields[3::4], strict=True)
         return Manifest(kind, tuple(Entry(name, blob, int(size), int(changed)) for name, blob, size, changed in groups))
     kind, files, children = json.loads(body)
-    entries = tuple(Entry(*file) if len(file) == 4 else Entry(*file[:5], _stamp(file[5])) for file in files)
+    entries = tuple(map(_entry, files))
     return Manifest(kind, entries, None if children is None else tuple((name, digest) for name, digest in children))
 
 
-def _stamp(numbers: list[int]) -> Stamp:
-    size, modified, inode, changed = numbers
-    return size, modified, inode, changed
+def _entry(file: list[Any]) -> Entry:
+    if len(file) == 4:
+        return Entry(*file)
+    name, blob, size, changed, path, (length, modified, inode, status) = file
+    return Entry(name, blob, size, changed, path, (length, modified, inode, status))
 
 
 def _line(path: Path, offset: int) -> bytes:

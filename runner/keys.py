@@ -6,7 +6,7 @@ import os
 import platform
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from runner.files import Source
 from runner.fingerprint import Fingerprint, fingerprint, merged
 from runner.graph import Node
 from runner.modules import Modules
+from runner.resources import Resources, resources_of
 from runner.selection import declarations, select_of, unselected, without_blocks
 
 VECTORS = ("avx2", "fma", "avx512f", "avx512_bf16", "amx_bf16", "asimd", "sve", "bf16")
@@ -46,8 +47,8 @@ class StageSpec:
     """kind of machine, for stages that declare MACHINE; '' for all others"""
     blocks: frozenset[str] = frozenset()
     """fields of Params that hold parameters of backends that are not selected; not part of the key"""
-    declared: dict[str, Any] = field(default_factory=dict)
-    """declarations of the stage under these parameters, see `runner.selection`"""
+    resources: Resources = Resources()
+    timeout_s: float = 0.0
     digest: str = ""
     """digest of the parts that all keys of the stage share"""
 
@@ -105,7 +106,8 @@ def stage_spec(node: Node, codes: CodeFingerprints) -> StageSpec:
         libraries={name: _version(node.name, name) for name in sorted(declared["LIBRARIES"])},
         threads=declared["THREADS"], memory_gib=declared["MEMORY_GIB"],
         sources=tuple(codes.modules.source(path) for path in sorted(code.files) if not os.path.isdir(path)),
-        machine=_machine(declared["MACHINE"], node, blocks), blocks=blocks, declared=declared)
+        machine=_machine(declared["MACHINE"], node, blocks), blocks=blocks,
+        resources=resources_of(declared, node.params, blocks), timeout_s=declared["TIMEOUT_S"])
     return replace(spec, digest=spec_digest(spec))
 
 

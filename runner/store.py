@@ -69,7 +69,7 @@ class Store:
     def __init__(self, root: Path, codec: Codec, catalog: Catalog | None = None, rehash: bool = False, plan_only: bool = False,
                  remote: Remote | None = None) -> None:
         self.root, self.codec, self.remote = root, codec, remote
-        self.catalog: Catalog = catalog or Index(root)
+        self.catalog: Catalog = Index(root) if catalog is None else catalog
         self.memo = FileMemo(root, rehash, plan_only)
         self._blobs = f"{root}/blobs"
         self._verified_blobs = VerifiedBlobs(root)

@@ -193,12 +193,10 @@ class TaskPlanner:
             if spec.code.digest not in self._kept:
                 keep_definitions(self.store.root, spec)
                 self._kept.add(spec.code.digest)
-            declared = spec.declared
             self._jobs[node.id] = JobSpec(
                 stage=node.name, function=spec.function, params=hide_unselected(node.params, spec.blocks), params_tree=spec.params,
                 wants_ctx=node.wants_ctx, code=spec.code.digest, libraries=spec.libraries, threads=spec.threads,
-                memory_gib=spec.memory_gib, gpus=declared.get("GPUS", 0), scratch_gib=declared.get("SCRATCH_GIB", 0.0),
-                timeout_s=declared.get("TIMEOUT_S", 0.0), sources=spec.sources)
+                resources=spec.resources, timeout_s=spec.timeout_s, sources=spec.sources)
         return self._jobs[node.id]
 
     def _schemas(self, inputs: Mapping[str, str]) -> tuple[dict[str, str], str]:

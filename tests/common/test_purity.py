@@ -21,9 +21,9 @@ from afford.common.kernel_cache import LOCATOR
 from afford.common.worker import FONT_FOLDER
 from runner import RunReport
 from runner.fingerprint import fingerprint
+from runner.index import Index, Trace
 from runner.modules import Modules
 from runner.store import Store, prepare_store
-from runner.index import Index, Trace
 from tests.helpers import impure_stages, landlock
 from tests.helpers.command import Made
 from tests.helpers.fonts import with_fonts

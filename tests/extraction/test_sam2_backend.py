@@ -18,8 +18,8 @@ from afford.extraction.complete.sam2 import complete
 from afford.extraction.tracks import BACKGROUND, UNKNOWN, Sam2
 from afford.extraction.tracks.sam2 import propagate
 from afford.models.sam2 import full_size, load_model, session, track, track_frames
-from runner.store import Store
 from runner.index import Index
+from runner.store import Store
 from schemas.masks import Entity, Tracks
 from schemas.video import Frames, Inpainted
 from tests.helpers.command import Called, Made

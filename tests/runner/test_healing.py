@@ -98,7 +98,7 @@ class ScriptedEngine:
 
     own_placement, window = False, 1
 
-    def submit(self, jobs: list[Job]) -> None:
+    def submit(self, jobs: list[Job], gpus: tuple[str, ...] = ()) -> None:
         """Queue the jobs."""
         self.jobs += jobs
 

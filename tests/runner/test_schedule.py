@@ -13,7 +13,8 @@ from runner import Graph
 from runner.engines import Inline
 from runner.keys import CodeFingerprints
 from runner.report import Reason, RunReport, SilentObserver
-from runner.schedule import MAX_OVERTAKES, Budget, Limit, Schedule
+from runner.resources import Budget
+from runner.schedule import MAX_OVERTAKES, Limit, Schedule
 from runner.task_planner import TaskPlanner
 from runner.walk import Walk
 
