@@ -51,7 +51,7 @@ OTHER_PROGRAMS = {"aria2c": "downloads data sets", "export": "sets a variable of
 """programs outside the project, which are not checked -> their purpose"""
 GRAPH_VERBS = ("run", "status", "explain", "graph", "stale")
 """verbs whose targets, stages and settings are resolved"""
-READ_ONLY = ("check", "inspect", "lineage", "verify", "gc", "params", "fetch-list", "export", "runs")
+READ_ONLY = ("check", "inspect", "lineage", "verify", "gc", "params", "fetch-list", "export", "runs", "du")
 """verbs that run on the small store"""
 
 
@@ -266,8 +266,8 @@ def test_documented_read_only_commands_run(made: Made, tmp_path: Path) -> None:
             given[1] = made.ask("lineage", "mask_densify", "--json", source=False).json["digest"][:12]
         if words[0] == "export":
             given[2] = tmp_path / f"out-{len(ran)}"
-        needs_store = words[0] in ("inspect", "lineage", "verify", "gc", "export", "runs")
-        store = mine.store if words[0] == "runs" else made.store
+        needs_store = words[0] in ("inspect", "lineage", "verify", "gc", "export", "runs", "du")
+        store = mine.store if words[0] in ("runs", "gc") else made.store
         source = ["--source", made.source] if words[0] == "export" else []
         done = call(*given, *source, *(["--store", store] if needs_store else []))
         assert done.code == (1 if "--diff" in words else 0), f"{command.where}: {' '.join(map(str, given))}: {done.words}"

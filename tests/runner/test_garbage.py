@@ -45,7 +45,7 @@ def outputs(project: Project, runner: Runner, report: RunReport) -> dict[str, li
 
 @pytest.mark.parametrize("rules", [Rules(), Rules(keep_last=2), Rules(drop=("split",)), Rules(keep_last=2, older_than_days=1.0)])
 def test_a_dry_run_deletes_nothing(project: Project, rules: Rules) -> None:
-    """It counts, by stage, what the same call deletes afterwards."""
+    """The result counts, by stage, what the same call deletes afterwards."""
     for backend in ("a", "b", "c"):
         project.run("ab", "cd", params=shout.Params(backend=backend))
     before = tree(project)
@@ -56,8 +56,8 @@ def test_a_dry_run_deletes_nothing(project: Project, rules: Rules) -> None:
     assert swept.bytes == sum(row["bytes"] for row in swept.stages.values())
 
 
-def test_what_is_kept_can_be_loaded(project: Project) -> None:
-    """And nothing runs again."""
+def test_kept_outputs_can_be_loaded(project: Project) -> None:
+    """Their tasks do not run again."""
     report = project.run("ab", "cd")
     project.run("ab", "cd", params=shout.Params(backend="other"))
     report = project.run("ab", "cd")
@@ -70,7 +70,7 @@ def test_what_is_kept_can_be_loaded(project: Project) -> None:
 
 
 def test_the_last_keys_of_every_shard_are_kept(project: Project) -> None:
-    """By their last use: with two kept, an undo is free; the third one back runs again."""
+    """Last uses count: with two kept, an undo is free; the third one back runs again."""
     for text in ('"!"', '"?"', '"."', '"!"'):
         project.edit("toy/helper.py", project_mark(project), text)
         project.run("ab")
@@ -90,7 +90,7 @@ def project_mark(project: Project) -> str:
     return line.partition(" = ")[2]
 
 
-def test_what_was_used_lately_is_kept(project: Project) -> None:
+def test_lately_used_results_are_kept(project: Project) -> None:
     """A result counts as used until its successor was; afterwards its age decides."""
     project.run("ab")
     project.run("ab", params=shout.Params(backend="other"))
@@ -164,7 +164,7 @@ def test_published_files_keep_their_bytes(project: Project, tmp_path: Path) -> N
 
 
 def test_an_unknown_stage_is_refused(project: Project) -> None:
-    """With the stages that the store has, and before anything is deleted."""
+    """The error lists the stages that the store has, and comes before anything is deleted."""
     project.run("ab")
     before = blobs(project)
     with pytest.raises(UnknownStageError, match=r"--drop spilt: no task of this stage .*: join, pair, shout, split"):
