@@ -299,7 +299,7 @@ def du(store: Path | None, as_json: bool) -> int:
 def _prepared(request: Request, opened: Callable[..., Runner] = open_runner) -> tuple[Runner, Graph, str]:
     target = resolve_target(request.target, request.only)
     chosen = columns(request.sets, request.params)
-    runner = opened(request.store, plan_only=True)
+    runner = opened(request.store, plan_only=True, remote=request.remote)
     weighted = {name: resolve_weights(column, digester(runner)) for name, column in chosen.items()}
     graph, *_ = graph_of_request(target, request.source, request.clips, request.sets, weighted, digester(runner))
     return runner, graph, target

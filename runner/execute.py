@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from runner.canonical import digest, file_digest
 from runner.codec import resolve
@@ -25,6 +25,9 @@ from runner.modules import Modules
 from runner.resources import Resources
 from runner.segments import OtherRuns, SegmentWriter, body_of, encode
 from runner.store import LostError, Store, explain_os
+
+if TYPE_CHECKING:
+    from runner.sharing import SharedTasks
 
 Progress = Callable[[int, int], None]
 
@@ -83,6 +86,8 @@ class WorkerSpec:
     remote: str | None = None
     session: str = ""
     """name of the run, with which the names of its segments begin"""
+    owner: str = ""
+    """name under which the run claims keys in the remote store"""
 
 
 @dataclass(frozen=True)
@@ -90,7 +95,7 @@ class JobResult:
     """Result of a job.
 
     status is `ran`, `cached` (another run was faster), `busy` (another run executes it), `lost` (an input cannot be read;
-    `message` is its artifact digest), `failed`, `died` (the worker process ended during the job) or `returned` (the job was not
+    `message` lists artifact digests), `failed`, `died` (the worker process ended during the job) or `returned` (the job was not
     started because its worker ended).
     """
 
@@ -137,7 +142,8 @@ class Workplace:
     def __init__(self, spec: WorkerSpec, offsets: Mapping[str, int] = MappingProxyType({})) -> None:
         self.spec, self.others = spec, OtherRuns(spec.store, spec.session, offsets)
         self.catalog = JobCatalog(self.others.bodies)
-        self.store = Store(spec.store, resolve(spec.codec), self.catalog)
+        self.shared = None if spec.remote is None else _shared(spec)
+        self.store = Store(spec.store, resolve(spec.codec), self.catalog, remote=self.shared.remote if self.shared else None)
         self.leases, self.segment = KeyLeases(spec.store), SegmentWriter(spec.store, spec.session)
         self._specs: tuple[str, set[str]] = ("", set())
         """segment, and digests of the specs that it holds"""
@@ -161,6 +167,12 @@ class Workplace:
         self.store.clean()
 
 
+def _shared(spec: WorkerSpec) -> SharedTasks:
+    from runner.sharing import SharedTasks
+
+    return SharedTasks(spec.remote or "", spec.store, spec.session, spec.owner)
+
+
 class Context:
     """Private folder that survives a kill, and a progress callback, for long stages."""
 
@@ -176,15 +188,30 @@ def execute(job: Job, place: Workplace, progress: Progress) -> JobResult:
     except OSError as error:
         return JobResult(job.key, "failed", message=f"the store cannot be written to: {explain_os(error)}")
     try:
-        return _owned(job, place, progress)
+        return _claimed(job, place, progress) if place.shared else _owned(job, place, progress)
     except LostError as lost:
-        return JobResult(job.key, "lost", message=lost.digest, damaged=lost.damaged)
+        return JobResult(job.key, "lost", message=" ".join((lost.digest, *lost.also)), damaged=lost.damaged)
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # includes SystemExit: a stage that exits fails, and the run continues
         return _failed(job, place, error)
     finally:
         place.leases.release(job.key)
+
+
+def _claimed(job: Job, place: Workplace, progress: Progress) -> JobResult:
+    """Execute a job whose key no other host has claimed, and push its result."""
+    assert place.shared is not None
+    state = place.shared.acquire(job.key, again=job.force or job.reason.startswith("output "))
+    if state != "held":
+        return JobResult(job.key, "busy" if state == "busy" else "cached")
+    rows = b""
+    try:
+        result = _owned(job, place, progress)
+        rows = result.rows if result.status == "ran" else b""
+    finally:
+        place.shared.release(job.key, rows)
+    return result
 
 
 def _owned(job: Job, place: Workplace, progress: Progress) -> JobResult:
@@ -199,6 +226,8 @@ def _owned(job: Job, place: Workplace, progress: Progress) -> JobResult:
     seed = seed_of(spec.params_tree, job.inputs)
     if place.spec.worker:
         resolve(place.spec.worker)(seed, spec.threads)
+    if store.remote is not None:
+        store.fetch(job.inputs.values())
     inputs = store.load_inputs(job.inputs)
     scratch = place.spec.store / "scratch" / job.key
     more = {} if spec.params is None else {"params": spec.params}

@@ -32,7 +32,7 @@ class UnknownStageError(ValueError):
 
 @dataclass(frozen=True)
 class Rules:
-    """What gc keeps."""
+    """Rules of gc: the results that it keeps."""
 
     keep_last: int = 1
     """keys of every shard, by their last use; at least 1"""

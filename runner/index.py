@@ -454,6 +454,14 @@ class Index:
         """Encoded manifest of an artifact, see `manifest_of`."""
         return self._bodies.get(digest)
 
+    def has_spec(self, digest: str) -> bool:
+        """Return True when what the tasks of a stage share is known under a digest."""
+        return digest in self._spec_trees
+
+    def has_artifact(self, digest: str) -> bool:
+        """Return True when the manifest of an artifact is known."""
+        return digest in self._bodies
+
     def bodies(self) -> Mapping[str, str]:
         """Encoded manifests of all artifacts."""
         return self._bodies

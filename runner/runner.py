@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from runner.disk_usage import DiskUse
     from runner.garbage import GcResult, Rules
     from runner.plan_groups import PlanGroup
+    from runner.remote import Remote
+    from runner.sharing import SharedRun
 
 
 class Runner:
@@ -41,18 +43,23 @@ class Runner:
 
     schemas: packages whose doc lines do not count as code; plan_only: large files that were never hashed are not read.
 
-    StoreError when `store` cannot be written to, or has a previous format.
+    remote: URL of a store that several hosts share, see docs/remote.md.
+
+    StoreError when `store` cannot be written to, or has a previous format; ValueError for a URL that cannot be used.
     """
 
     def __init__(self, store: Path, root: Path, codec: str, worker: str | None = None, jobs: int = 1, memory_gib: float = 4.0,
-                 rehash: bool = False, schemas: tuple[str, ...] = ("schemas",), plan_only: bool = False) -> None:
+                 rehash: bool = False, schemas: tuple[str, ...] = ("schemas",), plan_only: bool = False,
+                 remote: str | None = None) -> None:
         store, self.root = store.absolute(), root.absolute()
         prepare_store(store)
         self.jobs = jobs
         self._budget = Budget(jobs, memory_gib, scratch=store / "scratch")
         self.index = Index(store)
-        self.worker_spec = WorkerSpec(store, codec, worker, self.root, schemas, session=self.index.session)
-        self.store = Store(store, resolve(codec), self.index, rehash, plan_only)
+        self._remote, self._shared = self._open(remote, store)
+        self.worker_spec = WorkerSpec(store, codec, worker, self.root, schemas, remote, self.index.session,
+                                      self._shared.owner if self._shared else "")
+        self.store = Store(store, resolve(codec), self.index, rehash, plan_only, self._remote)
         self.modules = Modules(self.root, store / ".cache" / "modules.json", schemas)
 
     # -- run -------------------------------------------------------------------------------------------------------
@@ -205,18 +212,29 @@ class Runner:
 
     # -- private ---------------------------------------------------------------------------------------------------
 
+    def _open(self, url: str | None, store: Path) -> tuple[Remote | None, SharedRun | None]:
+        if url is None:
+            return None, None
+        from runner.remote import Remote
+        from runner.sharing import SharedRun
+
+        remote = Remote.open(url, store, session=self.index.session)
+        return remote, SharedRun(remote, self.index)
+
     def _task_planner(self, force: Iterable[str]) -> TaskPlanner:
         """Build a planner on the current state of code and store."""
         self.modules.renew()
         self.store.renew()
-        self.index.refresh()
         fingerprints = CodeFingerprints(self.modules, self.worker_spec.codec, self.worker_spec.worker)
-        return TaskPlanner(self.store, self.index, fingerprints, force)
+        planner = TaskPlanner(self.store, self.index, fingerprints, force, self._shared)
+        planner.refresh()
+        return planner
 
     @contextmanager
     def _session(self) -> Iterator[Engine]:
         """Open an engine under the shared lease that keeps gc away; write the caches at the end, also after Ctrl-C."""
         with terminating():
+            self._join()
             lease = self._share()
             kind = Pool if self._budget.jobs else Inline
             engine: Engine = kind(self.worker_spec, self.index.offsets())
@@ -230,9 +248,19 @@ class Runner:
             finally:
                 engine.close()
                 try:
+                    if self._shared is not None:
+                        self._shared.end()
                     self._save()
                 finally:
                     lease.release(remove=False)
+
+    def _join(self) -> None:
+        """Register the run with the other hosts; StoreError when the remote store refuses requests."""
+        if self._shared is not None:
+            try:
+                self._shared.begin()
+            except OSError as error:
+                raise StoreError(str(error)) from None
 
     def _share(self) -> Lease:
         """Take the shared lease.

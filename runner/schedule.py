@@ -344,13 +344,13 @@ class Schedule:
 
     def _made_elsewhere(self, task: Task, reason: Reason) -> None:
         """Take the output that another run, or the same task under another name, has stored."""
-        self._planner.index.refresh()
+        self._planner.refresh()
         output = self._planner.index.output(task.key)
         if output is not None and self._planner.store.state(output) == "ok":
             self.cached(task, output)
             self.walk.publish(task.node, task.path, output)
         elif self._again(task):
-            self._push(task, reason)
+            self._push(task, reason if self._planner.shared is None else Reason("output lost"))
         else:
             self._fail(task, f"its output was missing {MAX_RETRIES} times although a worker reported it; run again with "
                              f"--force {task.node.name}")
@@ -375,12 +375,12 @@ class Schedule:
 
     def _heal(self, task: Task, done: JobResult) -> None:
         """Run the producer of an unreadable input again, then the task."""
-        lost = done.message
+        lost = done.message.split()
         if not self._again(task):
-            self._fail(task, f"input {lost[:12]} could not be read although it was computed again {MAX_RETRIES} times")
+            self._fail(task, f"input {lost[0][:12]} could not be read although it was computed again {MAX_RETRIES} times")
             return
-        self._planner.store.forget(lost)
-        self._remake(task, [lost])
+        self._planner.store.note_lost(lost)
+        self._remake(task, lost)
 
     def _remake(self, task: Task, lost: Iterable[str]) -> None:
         """Run the producers of lost artifacts again; the task is decided about again after the last of them."""

@@ -15,7 +15,8 @@ from __future__ import annotations
 import errno
 import os
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Protocol
@@ -25,9 +26,11 @@ from blake3 import blake3
 from runner.canonical import CHUNK_BYTES, file_digest
 from runner.canonical import digest as tagged
 from runner.codec import Codec
-from runner.files import FORMAT, FileMemo, VerifiedBlobs, read_cache, stamp, unique, write_cache
+from runner.files import FORMAT, DamagedError, FileMemo, VerifiedBlobs, read_cache, stamp, unique, write_cache
 from runner.index import Entry, Index, Manifest, manifest_of
 
+FETCHED_TOGETHER = 4
+"""files that are fetched from the remote store at once"""
 FOLDERS = ("blobs", "traces", "leases", "scratch", "damaged", "code", ".cache")
 
 
@@ -36,11 +39,14 @@ class StoreError(OSError):
 
 
 class LostError(Exception):
-    """An artifact cannot be read; `damaged` distinguishes a broken blob from a missing one."""
+    """An artifact cannot be read; `damaged` distinguishes a broken blob from a missing one.
 
-    def __init__(self, digest: str, damaged: bool, what: str) -> None:
-        super().__init__(digest, damaged, what)
-        self.digest, self.damaged, self.what = digest, damaged, what
+    `also` lists other artifacts that were found to be unreadable at the same time.
+    """
+
+    def __init__(self, digest: str, damaged: bool, what: str, also: tuple[str, ...] = ()) -> None:
+        super().__init__(digest, damaged, what, also)
+        self.digest, self.damaged, self.what, self.also = digest, damaged, what, also
 
     def __str__(self) -> str:
         return f"artifact {self.digest[:12]} is {'damaged' if self.damaged else 'missing'}: {self.what}"
@@ -59,6 +65,10 @@ class Catalog(Protocol):
 class Remote(Protocol):
     """Blobs of a remote store."""
 
+    @property
+    def online(self) -> bool:
+        """False while the remote store cannot be reached."""
+
     def pull(self, blob: str, place: Path) -> bool:
         """Fetch a blob and verify it; False when the remote store lacks it."""
 
@@ -73,6 +83,8 @@ class Store:
         self.memo = FileMemo(root, rehash, plan_only)
         self._blobs = f"{root}/blobs"
         self._verified_blobs = VerifiedBlobs(root)
+        self._absent: set[str] = set()
+        """blobs that neither this store nor the remote one has"""
         self._valid: set[str] = set()
         """plain artifacts whose files were found unchanged since `renew`"""
         self._planned: dict[str, Manifest] = {}
@@ -286,11 +298,43 @@ class Store:
             if _digest_of(str(path))[0] == entry.blob:
                 return path
         except FileNotFoundError:
-            if self.remote is not None and self.remote.pull(entry.blob, path):
-                return path
-            raise LostError(digest, self.was_damaged(entry.blob), f"{entry.name} is not in the store") from None
+            return self._pulled(digest, entry, path)
         self.quarantine(entry.blob)
         raise LostError(digest, True, f"{entry.name} did not match its digest and was moved to damaged/")
+
+    def _pulled(self, digest: str, entry: Entry, path: Path) -> Path:
+        """Fetch a file that is missing here; LostError when the remote store lacks it, too."""
+        damaged = self.was_damaged(entry.blob)
+        try:
+            if self.remote is not None and self.remote.pull(entry.blob, path):
+                return path
+        except DamagedError:
+            damaged = True
+        self._absent.add(entry.blob)
+        raise LostError(digest, damaged, f"{entry.name} is not in the store")
+
+    def fetch(self, digests: Iterable[str]) -> None:
+        """Fetch all missing files of artifacts from the remote store, several at once.
+
+        LostError with all artifacts that neither store has.
+        """
+        missing = {(inside, entry) for digest in digests for inside, found in self.closure(digest)
+                   for entry in (found.files if found else ()) if not entry.path and not os.path.exists(self._place(entry.blob))}
+        if not missing:
+            return
+        with ThreadPoolExecutor(FETCHED_TOGETHER) as pool:
+            lost = sorted(error.args for error in pool.map(self._fetch, missing) if error is not None)
+        if lost:
+            digest, damaged, what, _ = lost[0]
+            raise LostError(digest, damaged, what, tuple(dict.fromkeys(other[0] for other in lost[1:])))
+
+    def _fetch(self, wanted: tuple[str, Entry]) -> LostError | None:
+        digest, entry = wanted
+        try:
+            self._pulled(digest, entry, Path(self._place(entry.blob)))
+        except LostError as error:
+            return error
+        return None
 
     def _verified_leaf(self, digest: str, entry: Entry) -> Path:
         path = Path(entry.path)
@@ -347,7 +391,7 @@ class Store:
                 self._verified_blobs.note(blob, path)
                 return "ok"
         except FileNotFoundError:
-            if self.remote is not None:
+            if self.remote is not None and self.remote.online and blob not in self._absent:
                 return "ok"  # it is there, since a trace follows its blobs; `_verified` fetches it
             return "damaged" if self.was_damaged(blob) else "lost"
         self.quarantine(blob)
@@ -366,6 +410,13 @@ class Store:
         """Check the files of an artifact again next time."""
         for inside, _ in self.closure(digest):
             self._valid.discard(inside)
+
+    def note_lost(self, digests: Iterable[str]) -> None:
+        """Record that a worker cannot read artifacts: the remote store lacks their files, too."""
+        for digest in digests:
+            found = self.find(digest)
+            self._absent.update(entry.blob for entry in (found.files if found else ()))
+            self._valid.discard(digest)
 
     def renew(self) -> None:
         """Check the files of every artifact again: another process may have changed them."""

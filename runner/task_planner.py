@@ -5,14 +5,13 @@ The reason is the first part of the new key, in a fixed order, that differs from
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
+from runner.differences import definition_changes, differing, pairs, parameter_changes
 from runner.execute import Job, JobSpec
 from runner.files import DamagedError, seal, unseal, write_atomic
-from runner.fingerprint import changed
 from runner.graph import Node
 from runner.index import Index, Trace, manifest_of
 from runner.keys import CodeFingerprints, StageSpec, schema_text, stage_spec, task_key
@@ -20,7 +19,9 @@ from runner.report import Reason, Why
 from runner.selection import hide_unselected
 from runner.store import Store
 
-SHOWN = 3
+if TYPE_CHECKING:
+    from runner.sharing import SharedRun
+
 Demand = bool | frozenset[str]
 """bytes of an output that must be readable: all, none, or those of some fields of a bundle"""
 
@@ -30,19 +31,19 @@ def compare(last: Trace | None, spec: StageSpec, inputs: Mapping[str, str], sche
     if last is None:
         return Reason("first run")
     if last.params != spec.params:
-        return Reason("parameter changed", _params(last.params, spec.params))
+        return Reason("parameter changed", parameter_changes(last.params, spec.params))
     if last.code != spec.code.digest:
-        return Reason("code changed", _code(last, spec, store))
+        return Reason("code changed", definition_changes(kept_definitions(store, last.code), spec.code.definitions))
     if last.libraries != spec.libraries:
-        return Reason("library version changed", _pairs(last.libraries, spec.libraries))
+        return Reason("library version changed", pairs(last.libraries, spec.libraries))
     if last.threads != spec.threads:
         return Reason("threads changed", f"{last.threads} -> {spec.threads}")
     if spec.machine and last.machine != spec.machine:
         return Reason("machine changed", f"{last.machine} -> {spec.machine}")
     if last.inputs != dict(inputs):
-        return Reason("input changed", ", ".join(_differing(last.inputs, inputs)))
+        return Reason("input changed", ", ".join(differing(last.inputs, inputs)))
     if last.schemas != dict(schemas):
-        return Reason("schema changed", ", ".join(_differing(last.schemas, schemas)))
+        return Reason("schema changed", ", ".join(differing(last.schemas, schemas)))
     return Reason("output lost")
 
 
@@ -58,42 +59,6 @@ def kept_definitions(store: Path, code: str) -> dict[str, str] | None:
         return dict(unseal((store / "code" / f"{code}.json").read_bytes(), f"code {code}"))
     except (FileNotFoundError, DamagedError):
         return None
-
-
-def _code(last: Trace, spec: StageSpec, store: Path) -> str:
-    old = kept_definitions(store, last.code)
-    if old is None:
-        return "the previous definitions were not kept"
-    names = changed(old, spec.code.definitions)
-    if not names:
-        return "same definitions, reached through other names"
-    more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
-    return ", ".join(names[:SHOWN]) + more
-
-
-def _params(old: Any, new: Any) -> str:
-    return _pairs(_flat(old), _flat(new))
-
-
-def _flat(tree: Any) -> dict[str, Any]:
-    """Parameters by name; those of a block as 'block.name'."""
-    found: dict[str, Any] = {}
-    for name, value in tree["fields"].items() if tree else ():
-        is_block = isinstance(value, dict) and "fields" in value
-        found |= {f"{name}.{inner}": part for inner, part in _flat(value).items()} if is_block else {name: value}
-    return found
-
-
-def _pairs(old: Mapping[str, Any], new: Mapping[str, Any]) -> str:
-    return ", ".join(f"{name} {_show(old, name)} -> {_show(new, name)}" for name in _differing(old, new))
-
-
-def _show(table: Mapping[str, Any], name: str) -> str:
-    return json.dumps(table[name]) if name in table else "(none)"
-
-
-def _differing(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
-    return [name for name in sorted({*old, *new}) if (name in old) != (name in new) or old.get(name) != new.get(name)]
 
 
 ShardPath = tuple[str, ...]
@@ -117,8 +82,9 @@ class Task(NamedTuple):
 class TaskPlanner:
     """Computes tasks and decides whether they must run; executes nothing."""
 
-    def __init__(self, store: Store, index: Index, codes: CodeFingerprints, force: Iterable[str] = ()) -> None:
-        self.store, self.index = store, index
+    def __init__(self, store: Store, index: Index, codes: CodeFingerprints, force: Iterable[str] = (),
+                 shared: SharedRun | None = None) -> None:
+        self.store, self.index, self.shared = store, index, shared
         self._codes, self._force = codes, set(force)
         self._specs: dict[int, StageSpec] = {}
         self._jobs: dict[int, JobSpec] = {}
@@ -137,11 +103,17 @@ class TaskPlanner:
         schemas, text = self._schemas(inputs)
         return Task(node, path, inputs, schemas, task_key(self.spec(node).digest, inputs, text))
 
+    def refresh(self) -> None:
+        """Read the results that other runs, here and on other hosts, have stored."""
+        self.index.refresh()
+        if self.shared is not None:
+            self.shared.refresh()
+
     def decide(self, task: Task, demand: Demand) -> tuple[str, Reason | None]:
         """Return (output, None) if the output is known, ('', reason) if the task must run.
 
-        Without demand for its bytes, an output counts as known although they are gone. `demand` names the demanded fields of a
-        bundle, True stands for all.
+        Without demand for its bytes, an output counts as known although they are gone; a damaged one is repaired in any case.
+        `demand` names the demanded fields of a bundle, True stands for all.
         """
         if task.node.name in self._force:
             return "", Reason("forced")
@@ -150,11 +122,14 @@ class TaskPlanner:
             last = self.index.last(task.node.name, task.shard)
             return "", compare(last, self.spec(task.node), task.inputs, task.schemas, self.store.root)
         state = self.store.state(output)
-        if state == "ok" or (state != "unknown" and not self._is_demanded(output, demand)):
-            if state != "ok":
-                self.index.drop(task.node.name, self.store.lost(output))
+        if state == "ok":
             return output, None
-        return "", Reason(self._loss(output, state))
+        why = self._loss(output, state)
+        if why == "output damaged" or state == "unknown" or self._is_demanded(output, demand):
+            return "", Reason(why)
+        if why == "output lost" and not self.store.memo.plan_only:
+            self.index.drop(task.node.name, self.store.lost(output))
+        return output, None
 
     def _is_demanded(self, output: str, demand: Demand) -> bool:
         """Return True when bytes are demanded that cannot be read."""
@@ -164,7 +139,7 @@ class TaskPlanner:
         return any(self.store.state(digest) != "ok" for name, digest in children if name in demand)
 
     def _loss(self, output: str, state: str) -> Why:
-        if state != "damaged" and all(digest in self.index.drops for digest in self.store.lost(output)):
+        if all(digest in self.index.drops for digest in self.store.lost(output)):
             return "output dropped"
         return "output damaged" if state == "damaged" else "output lost"
 

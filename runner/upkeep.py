@@ -105,7 +105,7 @@ def verify(store: Store, index: Index) -> VerifyResult:
     """Read every segment and blob, and check every artifact in use.
 
     Damaged rows of segments are removed, and their tasks run again. Damaged definitions for `explain` are deleted, since nothing
-    depends on them. Artifacts whose bytes are missing are recorded as such: a task that needs them computes them again.
+    depends on them. Damaged blobs are computed again by the next run, missing ones when a task needs them.
     """
     verdict = VerifyResult()
     index.load(cached=False)
@@ -129,7 +129,7 @@ def verify(store: Store, index: Index) -> VerifyResult:
             verdict.missing.append(f"manifest of {digest[:12]}")
             continue
         gone = [entry for entry in found.files if not _check(store, entry, digest, verdict, digest in index.drops)]
-        if gone and digest not in index.drops:
+        if gone and digest not in index.drops and not any(store.was_damaged(entry.blob) for entry in gone):
             index.drop("", [digest])
     return verdict
 
