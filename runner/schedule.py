@@ -31,6 +31,8 @@ from runner.task_planner import ShardPath, Task, TaskPlanner
 from runner.walk import DEFERRED, FAILED, NodeShard, Walk
 
 POLL_S = 0.05
+SHARED_POLL_S = 0.5
+"""time between two tries of a task that another host executes"""
 BATCH_S = 1.0
 """work that is sent to a worker at a time"""
 MAX_BATCH = 1000
@@ -106,6 +108,8 @@ class Schedule:
         self._paces: dict[int, _Pace] = {}
         self._parked: list[tuple[float, Task, Reason]] = []
         self._duplicates: dict[str, list[Task]] = {}
+        self._executed: set[str] = set()
+        """keys that this run has executed, and whose outputs are there"""
         self._heals: dict[NodeShard, int] = {}
         self._deaths: dict[str, int] = {}
         self._passed: dict[int, int] = {}
@@ -167,9 +171,6 @@ class Schedule:
             self._defer_late()
             self._unpark()
             self._fill()
-            if not (self._ready or self._running or self._parked) and self._waiting:
-                name = next(iter(self._waiting.values()))[0].task.node.name
-                raise AssertionError(f"{name} waits for an input that no task produces")
             patience = POLL_S if self._parked else self._limit.remaining_s()
             messages = self._engine.wait(patience) if self._running else []
             for what, key, payload in messages:
@@ -178,6 +179,9 @@ class Schedule:
                 time.sleep(POLL_S)
             follow()
             self._resume(follow)
+            if not (self._ready or self._running or self._parked) and self._waiting:
+                name = next(iter(self._waiting.values()))[0].task.node.name
+                raise AssertionError(f"{name} waits for an input that no task produces")
         self._show_hits()
         self._leases.close()
 
@@ -225,8 +229,8 @@ class Schedule:
             _, order, task, reason = entry
             if task.node.id in self.walk.dead:
                 self._drop(task)
-            elif task.key in self._running:
-                self._duplicates.setdefault(task.key, []).append(task)
+            elif self._is_duplicate(task):
+                pass
             elif self._fits(task):
                 self._start(self._batch(task, reason))
                 self._passed.pop(order, None)
@@ -242,15 +246,29 @@ class Schedule:
     def _batch(self, task: Task, reason: Reason) -> list[tuple[Task, Reason]]:
         """Take further ready tasks of the stage, about a second of work in all."""
         batch, keys, node = [(task, reason)], {task.key}, task.node.id
-        count = self._paces.setdefault(node, _Pace()).batch(self._ready_of[node] + 1, self._budget.jobs)
+        workers = self._engine.window if self._engine.own_placement else self._budget.jobs
+        count = self._paces.setdefault(node, _Pace()).batch(self._ready_of[node] + 1, workers)
         while len(batch) < count and self._ready and self._ready[0][2].node.id == node:
             _, _, other, why = self._pop()
-            if other.key in self._running or other.key in keys:
+            if other.key in keys:
                 self._duplicates.setdefault(other.key, []).append(other)
-            else:
+            elif not self._is_duplicate(other):
                 batch.append((other, why))
                 keys.add(other.key)
         return batch
+
+    def _is_duplicate(self, task: Task) -> bool:
+        """Take care of a task whose key is running, or has run since the task was queued; False for any other."""
+        if task.key in self._running:
+            self._duplicates.setdefault(task.key, []).append(task)
+            return True
+        if task.key in self._executed:
+            self._executed.discard(task.key)
+            self.walk.retry(task.node, task.path)
+            if (task.node.id, task.path) in self.walk.outcome:  # otherwise the output is lost again, or the stage is forced
+                self._executed.add(task.key)
+            return True
+        return False
 
     def _start(self, tasks: list[tuple[Task, Reason]]) -> None:
         grant = self._budget.take(self._planner.spec(tasks[0][0].node).resources)
@@ -319,7 +337,8 @@ class Schedule:
         elif done.status == "cached":
             self._made_elsewhere(task, reason)
         elif done.status == "busy":
-            self._parked.append((time.monotonic() + POLL_S, task, reason))
+            patience = POLL_S if self._planner.shared is None else SHARED_POLL_S
+            self._parked.append((time.monotonic() + patience, task, reason))
         elif done.status == "lost":
             self._heal(task, done)
         elif done.status == "died":
@@ -336,6 +355,7 @@ class Schedule:
         pace.tasks += 1
         pace.wall_s += done.wall_s
         increment(self.report.ran, task.node.name)
+        self._executed.add(task.key)
         self._use(task)
         self.report.peak_mib[task.node.name, task.shard] = done.peak_mib
         self._observer.finished(task.node.name, task.shard, "ran", done.wall_s, done.cpu_s, "")
