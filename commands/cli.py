@@ -28,6 +28,8 @@ Clips = Annotated[list[str] | None, typer.Option("--clip", help="only this clip 
 Sets = Annotated[list[str] | None, typer.Option("--set", help="STAGE.PARAM=VALUE (repeatable)")]
 ParamsFile = Annotated[Path | None, typer.Option("--params", help="TOML or JSON, one table per stage")]
 Store = Annotated[Path | None, typer.Option("--store", help="folder of the store; default: artifacts/")]
+Remote = Annotated[str | None, typer.Option("--remote", envvar="AFFORD_REMOTE", show_default=False, help="object store or folder "
+                                            "that several hosts share: s3://, az://, gs://, file:// or a path")]  # fmt: skip
 Model = Annotated[Path | None, typer.Option("--model", help="folder of a trained model; default: the model trained last")]
 Device = Annotated[str, typer.Option(help="cpu or cuda")]
 Json = Annotated[bool, typer.Option("--json", help="print one JSON object as the last line")]
@@ -64,6 +66,7 @@ def run(
     minutes: Annotated[float | None, typer.Option(min=0, help="time limit, after which optional parts are deferred to the next "
                                                   "run; default: inf (none), for grasp-full and sor3d-ablation 75")] = None,
     store: Store = None,
+    remote: Remote = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="show the tasks that would run, with reasons; run nothing")] = False,
     rehash: Annotated[bool, typer.Option(help="hash every source file again")] = False,
     replace: Annotated[bool, typer.Option("--replace", help="publish a partial output (some clips only, or after failures) in "
@@ -72,7 +75,7 @@ def run(
 ) -> None:
     """Run a target; results are cached by code, parameters and inputs."""
     request = _request(target, source, clip, set_, params, store, json, only=only, force=force, jobs=jobs, rehash=rehash,
-                       minutes=minutes, replace=replace, record=record)
+                       minutes=minutes, replace=replace, record=record, remote=remote)
     if dry_run:
         from commands.store import dry_run as plan
 
@@ -97,11 +100,11 @@ def check(
 
 @app.command()
 def status(target: Wanted = None, source: SourceDir = None, set_: Sets = None, params: ParamsFile = None,
-           store: Store = None, json: Json = False) -> None:  # fmt: skip
+           store: Store = None, remote: Remote = None, json: Json = False) -> None:  # fmt: skip
     """Show the progress of a target or of a stage, and its failures."""
     from commands.store import status as show
 
-    raise typer.Exit(show(_request(target, source, None, set_, params, store, json)))
+    raise typer.Exit(show(_request(target, source, None, set_, params, store, json, remote=remote)))
 
 
 @app.command()
@@ -114,12 +117,13 @@ def explain(
     set_: Sets = None,
     params: ParamsFile = None,
     store: Store = None,
+    remote: Remote = None,
     json: Json = False,
 ) -> None:
     """Explain the next or last run of each task of a stage."""
     from commands.store import explain as show
 
-    raise typer.Exit(show(_request(target, source, None, set_, params, store, json, only=stage), clip))
+    raise typer.Exit(show(_request(target, source, None, set_, params, store, json, only=stage, remote=remote), clip))
 
 
 @app.command()

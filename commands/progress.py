@@ -31,6 +31,9 @@ class ProgressObserver(Protocol):
     def started(self, stage: str, shard: str, reason: Reason) -> None:
         """A worker has started the task."""
 
+    def cached(self, stage: str, count: int) -> None:
+        """Tasks of a stage were found in the store."""
+
     def progress(self, stage: str, shard: str, done: int, total: int) -> None:
         """The stage reported its progress."""
 
@@ -66,7 +69,15 @@ class Bars:
 
     def planned(self, stage: str, shard: str) -> None:
         """Add one task to the stage."""
-        self._known[stage] = self._known.get(stage, 0) + 1
+        self._add(stage, 1)
+
+    def cached(self, stage: str, count: int) -> None:
+        """Add finished tasks to the stage."""
+        self._add(stage, count)
+        self._bars.advance(self._ids[stage], count)
+
+    def _add(self, stage: str, count: int) -> None:
+        self._known[stage] = self._known.get(stage, 0) + count
         if stage not in self._ids:
             self._ids[stage] = self._bars.add_task(stage, total=1, note="")
         self._bars.update(self._ids[stage], total=self._known[stage])
@@ -127,6 +138,9 @@ class Lines:
     def planned(self, stage: str, shard: str) -> None:
         """Count the task."""
         self._left += 1
+
+    def cached(self, stage: str, count: int) -> None:
+        """Print nothing."""
 
     def started(self, stage: str, shard: str, reason: Reason) -> None:
         """Record the start; print a line for the only task of a stage."""

@@ -50,6 +50,8 @@ class Request:
     json: bool = False
     minutes: float | None = None
     replace: bool = False
+    remote: str | None = None
+    """URL of a store that several hosts share; None: AFFORD_REMOTE"""
     record: bool | None = None
     """with `only`: record the outputs of the stages; None: yes"""
 
@@ -106,7 +108,7 @@ def run(request: Request) -> int:
     target = resolve_target(request.target, request.only)
     _check(request, target)
     chosen = columns(request.sets, request.params)
-    runner = open_runner(request.store, request.jobs, request.rehash)
+    runner = open_runner(request.store, request.jobs, request.rehash, remote=request.remote)
     weighted = {name: resolve_weights(column, digester(runner)) for name, column in chosen.items()}
     graph, names, place, source = graph_of_request(target, request.source, request.clips, request.sets, weighted, digester(runner))
     stages = resolve_stages([request.only] if request.only else [], target, graph)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 import sys
+import warnings
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 from afford.common.kernel_cache import use_kernel_cache
@@ -28,11 +30,12 @@ def cores() -> int:
 DEFAULT_JOBS = cores()
 
 
-def open_runner(store: Path | None = None, jobs: int | None = None, rehash: bool = False, plan_only: bool = False) -> Runner:
-    """Open a runner; StoreError when the store cannot be written to, UsageError when it is a file.
+def open_runner(store: Path | None = None, jobs: int | None = None, rehash: bool = False, plan_only: bool = False,
+                remote: str | None = None) -> Runner:  # fmt: skip
+    """Open a runner; StoreError when the store cannot be written to, UsageError when it is a file or `remote` is no valid URL.
 
     Its memory limit is the free memory at the start, less a margin. `plan_only`: large files that were never hashed are not
-    read.
+    read. `remote` defaults to the environment variable AFFORD_REMOTE.
     """
     folder = (store or STORE).absolute()
     there = next(path for path in (folder, *folder.parents) if os.path.exists(path))
@@ -40,11 +43,32 @@ def open_runner(store: Path | None = None, jobs: int | None = None, rehash: bool
         raise UsageError(f"--store {folder}: {there} is a file; name a folder")
     use_kernel_cache(folder)
     use_font_cache(folder)
-    return Runner(folder, ROOT, CODEC, WORKER, jobs=DEFAULT_JOBS if jobs is None else jobs, memory_gib=_memory_gib(),
-                  rehash=rehash, plan_only=plan_only)
+    url = remote or os.environ.get("AFFORD_REMOTE") or None
+    if url:
+        _show_plainly()
+    try:
+        return Runner(folder, ROOT, CODEC, WORKER, jobs=DEFAULT_JOBS if jobs is None else jobs, memory_gib=_memory_gib(),
+                      rehash=rehash, plan_only=plan_only, remote=url)
+    except ValueError as error:
+        if not url:
+            raise
+        raise UsageError(f"--remote: {error}") from None
 
 
-def open_existing(store: Path | None = None, plan_only: bool = False) -> Runner:
+@cache
+def _show_plainly() -> None:
+    """Print warnings about the remote store as one line, without the place in the code."""
+    from runner.remote import RemoteWarning
+
+    usual = warnings.formatwarning
+
+    def shown(message: Warning | str, category: type[Warning], filename: str, lineno: int, line: str | None = None) -> str:
+        return f"warning: {message}\n" if category is RemoteWarning else usual(message, category, filename, lineno, line)
+
+    warnings.formatwarning = shown
+
+
+def open_existing(store: Path | None = None, plan_only: bool = False, remote: str | None = None) -> Runner:
     """Open a runner on an existing store, for verbs that only read.
 
     UsageError when there is no store; none is created.
@@ -53,7 +77,7 @@ def open_existing(store: Path | None = None, plan_only: bool = False) -> Runner:
     if not is_store(folder):
         got = "is not an afford store" if os.path.isdir(folder) else "is a file" if os.path.exists(folder) else "does not exist"
         raise UsageError(f"--store {folder}: {folder} {got}; name an existing store, or create one with `pipeline.py run`")
-    return open_runner(store, plan_only=plan_only)
+    return open_runner(store, plan_only=plan_only, remote=remote)
 
 
 def digester(runner: Runner) -> Callable[[Path], str]:

@@ -170,7 +170,7 @@ def lineage(artifact: str, store: Path | None, as_json: bool) -> int:
 def _digest_of(runner: Runner, path: Path) -> str:
     """Keep a path in the store; find the blob of a published file by its content."""
     store = runner.store.root.resolve()
-    if path.resolve().is_relative_to(store) and path.resolve().relative_to(store).parts[0] in ("blobs", "manifests"):
+    if path.resolve().is_relative_to(store) and path.resolve().relative_to(store).parts[0] == "blobs":
         return str(path)
     file = path if path.is_file() else next(iter(sorted(p for p in path.rglob("*") if p.is_file())), path)
     blob = runner.hash_file(file)[0]
@@ -254,7 +254,7 @@ def gc(store: Path | None, dry_run: bool, as_json: bool) -> int:
 def _prepared(request: Request, opened: Callable[..., Runner] = open_runner) -> tuple[Runner, Graph, str]:
     target = resolve_target(request.target, request.only)
     chosen = columns(request.sets, request.params)
-    runner = opened(request.store, plan_only=True)
+    runner = opened(request.store, plan_only=True, remote=request.remote)
     weighted = {name: resolve_weights(column, digester(runner)) for name, column in chosen.items()}
     graph, *_ = graph_of_request(target, request.source, request.clips, request.sets, weighted, digester(runner))
     return runner, graph, target

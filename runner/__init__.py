@@ -10,9 +10,9 @@
     runner.hash_file(path)                                  -> (digest, size), remembered by size, mtime and inode
 
 Modules in reading order: graph (the DAG), source, names, scopes, references, effects, links and fingerprint (code as content), keys
-and task_planner (keys and reasons), store (blobs and manifests), traces (key -> output), lease (one run per key), execute (one
-task), engines (where tasks run), walk (propagation of outcomes), schedule (order and budget), runner (the verbs), upkeep (verify,
-gc, lineage).
+and task_planner (keys and reasons), segments and index (key -> output), store (blobs), lease (one run per key), execute (one task),
+engines (where tasks run), walk (propagation of outcomes), schedule (order and budget), runner (the verbs), upkeep (verify, gc,
+lineage).
 """
 
 from __future__ import annotations

@@ -7,33 +7,37 @@ import signal
 import subprocess
 import sys
 from collections import deque
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from socket import socketpair
+from types import MappingProxyType
 from typing import Any, Protocol
 
-from runner.codec import resolve
-from runner.execute import Job, JobResult, WorkerSpec, execute
+from runner.execute import Job, JobResult, WorkerSpec, Workplace, execute
 from runner.modules import outdated
-from runner.store import Store
 
 Message = tuple[str, str, Any]
-"""('done', key, Done) or ('progress', key, (done, total))"""
+"""('started', key, None), ('progress', key, (done, total)) or ('done', key, JobResult)"""
 
 
 class Engine(Protocol):
-    """Executes jobs."""
+    """Executes batches of jobs."""
 
-    def submit(self, job: Job) -> None:
-        """Start a job soon; the caller observes the budget of cores and memory."""
+    own_placement: bool
+    """True if the engine places tasks by their resources itself; the scheduler then bounds the batches in flight by `window`"""
+    window: int
+
+    def submit(self, jobs: list[Job], gpus: tuple[str, ...] = ()) -> None:
+        """Start a batch of jobs of one stage, which one worker executes in order; `gpus` are those that it may see."""
 
     def wait(self, timeout_s: float | None) -> list[Message]:
         """Return new messages, at least one unless the time is over."""
 
     def end(self, key: str) -> None:
-        """Stop a submitted job; no further message reports it."""
+        """Stop a submitted job; no further message reports it, and the rest of its batch is returned."""
 
     def close(self) -> None:
         """Stop running jobs; finished results are kept."""
@@ -42,24 +46,28 @@ class Engine(Protocol):
 class Inline:
     """Executes jobs in this process, one after the other, during `wait`."""
 
-    def __init__(self, spec: WorkerSpec) -> None:
-        self._spec, self._store = spec, Store(spec.store, resolve(spec.codec))
+    own_placement, window = False, 1
+
+    def __init__(self, spec: WorkerSpec, offsets: Mapping[str, int] = MappingProxyType({})) -> None:
+        self._place = Workplace(spec, offsets)
         self._jobs: deque[Job] = deque()
 
-    def submit(self, job: Job) -> None:
-        """Queue the job for `wait`."""
-        self._jobs.append(job)
+    def submit(self, jobs: list[Job], gpus: tuple[str, ...] = ()) -> None:
+        """Queue the jobs for `wait`."""
+        self._jobs += jobs
 
     def wait(self, timeout_s: float | None) -> list[Message]:
         """Execute the next job."""
         if not self._jobs:
             return []
-        job, messages = self._jobs.popleft(), []
-        old = outdated(path for path, _ in job.sources)
+        job = self._jobs.popleft()
+        messages: list[Message] = [("started", job.key, None)]
+        root = self._place.spec.root
+        old = outdated(f"{root}/{source.path}" for source in job.spec.sources)
         if old is not None:
             message = f"{old} was edited after this process imported it; run again in a new process, or with --jobs 1"
-            return [("done", job.key, JobResult(job.key, "failed", message=message))]
-        done = execute(job, self._spec, self._store, lambda n, of: messages.append(("progress", job.key, (n, of))))
+            return [*messages, ("done", job.key, JobResult(job.key, "failed", message=message))]
+        done = execute(job, self._place, lambda n, of: messages.append(("progress", job.key, (n, of))))
         return [*messages, ("done", job.key, done)]
 
     def end(self, key: str) -> None:
@@ -67,8 +75,8 @@ class Inline:
         self._jobs = deque(job for job in self._jobs if job.key != key)
 
     def close(self) -> None:
-        """Remove the folder in which values were saved; no job runs outside `wait`."""
-        self._store.clean()
+        """Close the segment and remove the folder in which values were saved; no job runs outside `wait`."""
+        self._place.close()
 
 
 @dataclass
@@ -76,7 +84,8 @@ class _Worker:
     process: subprocess.Popen[bytes]
     jobs: Connection
     lifeline: int
-    job: Job | None = None
+    batch: list[Job] = field(default_factory=list)
+    """jobs without result, the running one first"""
     loaded: set[str] = field(default_factory=set)
 
 
@@ -87,48 +96,53 @@ class Pool:
     closes with the scheduler, and so they end when the scheduler does.
     """
 
-    def __init__(self, spec: WorkerSpec) -> None:
-        self._spec = spec
+    own_placement, window = False, 1
+
+    def __init__(self, spec: WorkerSpec, offsets: Mapping[str, int] = MappingProxyType({})) -> None:
+        self._spec, self._offsets = spec, dict(offsets)
         self._paths = [str(spec.root), str(Path(__file__).resolve().parent.parent)]
         self._workers: list[_Worker] = []
+        self._returned: list[Message] = []
 
-    def submit(self, job: Job) -> None:
-        """Send the job to an idle worker, preferably one that has loaded some of the inputs, or to a new one."""
-        idle = [worker for worker in self._workers if worker.job is None]
-        wanted = set(job.inputs.values())
+    def submit(self, jobs: list[Job], gpus: tuple[str, ...] = ()) -> None:
+        """Send a batch to an idle worker, preferably one that has loaded some of the inputs, or to a new one."""
+        idle = [worker for worker in self._workers if not worker.batch]
+        wanted = set(jobs[0].inputs.values())
         worker = max(idle, key=lambda worker: len(wanted & worker.loaded)) if idle else self._start()
-        worker.job, worker.loaded = job, wanted
+        worker.batch, worker.loaded = list(jobs), set(jobs[-1].inputs.values())
         try:
-            worker.jobs.send(job)
+            worker.jobs.send(jobs)
         except (BrokenPipeError, ConnectionResetError):
             return  # the worker died while idle; `wait` reports it
 
     def wait(self, timeout_s: float | None) -> list[Message]:
         """Return the messages of all workers."""
-        busy = {worker.jobs: worker for worker in self._workers if worker.job is not None}
-        messages: list[Message] = []
-        for connection in wait(list(busy), timeout_s):
+        messages, self._returned = self._returned, []
+        busy = {worker.jobs: worker for worker in self._workers if worker.batch}
+        for connection in wait(list(busy), 0 if messages else timeout_s):
             worker = busy[connection]  # type: ignore[index]
-            assert worker.job is not None
             try:
-                what, *payload = worker.jobs.recv()
+                message = worker.jobs.recv()
             except (EOFError, ConnectionResetError):
-                messages.append(("done", worker.job.key, self._died(worker)))
+                messages += self._died(worker)
                 continue
-            messages.append((what, worker.job.key, payload[0] if what == "done" else tuple(payload)))
-            worker.job = None if what == "done" else worker.job
+            messages.append(message)
+            if message[0] == "done":
+                worker.batch.pop(0)
         return messages
 
     def end(self, key: str) -> None:
         """Kill the worker that runs the job, which also releases its lease; the stage's scratch folder is kept."""
-        for worker in [worker for worker in self._workers if worker.job is not None and worker.job.key == key]:
+        for worker in [worker for worker in self._workers if any(job.key == key for job in worker.batch)]:
+            rest = [job for job in worker.batch if job.key != key]
+            self._returned += [("done", job.key, JobResult(job.key, "returned")) for job in rest]
             _kill(worker.process)
             self._drop(worker)
 
     def close(self) -> None:
         """End idle workers; kill busy ones, which also releases their leases."""
         for worker in self._workers:
-            if worker.job is not None:
+            if worker.batch:
                 _kill(worker.process)
             worker.jobs.close()
         for worker in self._workers:
@@ -139,24 +153,26 @@ class Pool:
     def _start(self) -> _Worker:
         ours, theirs = socketpair()
         read, write = os.pipe()
-        arguments = [str(self._spec.store), self._spec.codec, self._spec.worker or "", str(self._spec.root), *self._spec.schemas]
         code = f"import sys; sys.path[:0] = {self._paths!r}; from runner.worker import main; main(*sys.argv[1:])"
-        command = [sys.executable, "-c", code, str(theirs.fileno()), str(read), *arguments]
+        command = [sys.executable, "-c", code, str(theirs.fileno()), str(read)]
         process = subprocess.Popen(command, pass_fds=(theirs.fileno(), read), stdin=subprocess.DEVNULL, start_new_session=True)
         theirs.close()
         os.close(read)
         worker = _Worker(process, Connection(ours.detach()), write)
+        worker.jobs.send((self._spec, self._offsets))
         self._workers.append(worker)
         return worker
 
-    def _died(self, worker: _Worker) -> JobResult:
-        assert worker.job is not None
+    def _died(self, worker: _Worker) -> list[Message]:
         status = worker.process.wait()
         _kill(worker.process)
         self._drop(worker)
         how = f"signal {signal.Signals(-status).name}" if status < 0 else f"exit status {status}"
         hint = "; the usual cause is lack of memory: raise MEMORY_GIB of the stage or lower --jobs" if status == -9 else ""
-        return JobResult(worker.job.key, "failed", message=f"the worker process ended with {how} before the task was done{hint}")
+        message = f"the worker process ended with {how} before the task was done{hint}"
+        first, *rest = worker.batch
+        return [("done", first.key, JobResult(first.key, "died", message=message)),
+                *(("done", job.key, JobResult(job.key, "returned")) for job in rest)]
 
     def _drop(self, worker: _Worker) -> None:
         worker.process.wait()

@@ -1,7 +1,7 @@
 """Small files of the store, sealed with a checksum and replaced atomically; remembered digests of files outside it.
 
-A sealed file is a JSON object whose first entry, "check", is the BLAKE3 digest of all following bytes, taken under a tag. Traces,
-manifests, definitions, failures and all caches are sealed, so that a flipped byte is found on reading.
+A sealed file is a JSON object whose first entry, "check", is the BLAKE3 digest of all following bytes, taken under a tag.
+Definitions and all caches are sealed, so that a flipped byte is found on reading.
 
 A folder that is hashed as one (thousands of frames) is remembered by its own stamp. New and removed names are noticed; a file that
 is overwritten in place is noticed only when the folder is hashed again (`rehash`).
@@ -16,7 +16,7 @@ import time
 import uuid
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from blake3 import blake3
 
@@ -26,10 +26,20 @@ RACY_NS = 50_000_000  # a younger file may change again within the same mtime, s
 PLAN_HASH_BYTES = 1 << 26
 """files up to this size are hashed even for a plan"""
 Stamp = tuple[int, int, int, int]
-FORMAT, FORMER = "afford-store-3", ("afford-store-2",)
+FORMAT = "afford-store-4"
 """part of every checksum, so that files of another version of the store do not fit"""
 HEAD = b'{"check":"'
 HEX = 64
+
+
+class Source(NamedTuple):
+    """Source file under the root of the code; on another host it has the same content, but another stamp."""
+
+    path: str
+    """relative to the root"""
+    content: str
+    """digest of the bytes"""
+    stamp: Stamp
 
 
 class DamagedError(ValueError):
@@ -60,27 +70,20 @@ def seal(tree: dict[str, Any], tag: str) -> bytes:
     """Encode a JSON object with its checksum; `tag` names the object, so that no other file is accepted in its place."""
     body = json.dumps(tree, separators=(",", ":")).encode()[1:]
     rest = b'",' + body if tree else b'"' + body
-    return HEAD + _checksum(rest, tag, FORMAT) + rest
+    return HEAD + _checksum(rest, tag) + rest
 
 
 def unseal(data: bytes, tag: str) -> Any:
     """Decode the result of `seal`; DamagedError when a byte or the tag differs."""
     start = len(HEAD) + HEX
     rest = data[start:]
-    if data[:start] != HEAD + _checksum(rest, tag, FORMAT):
+    if data[:start] != HEAD + _checksum(rest, tag):
         raise DamagedError(f"{tag}: {len(data)} bytes do not match their checksum")
     return json.loads(b"{" + rest.removeprefix(b'"').removeprefix(b","))
 
 
-def format_of(data: bytes, tag: str) -> str | None:
-    """Store format, present or previous, of sealed bytes; None when they match none."""
-    start = len(HEAD) + HEX
-    fits = (form for form in (FORMAT, *FORMER) if data[:start] == HEAD + _checksum(data[start:], tag, form))
-    return next(fits, None)
-
-
-def _checksum(rest: bytes, tag: str, form: str) -> bytes:
-    return blake3(f"{form} {tag}\0".encode() + rest).hexdigest().encode()
+def _checksum(rest: bytes, tag: str) -> bytes:
+    return blake3(f"afford-seal {tag}\0".encode() + rest).hexdigest().encode()
 
 
 class FileMemo:
@@ -149,9 +152,10 @@ def write_atomic(path: Path, data: bytes) -> None:
 
 
 class VerifiedBlobs:
-    """Size and change time of every blob at the moment its bytes were hashed.
+    """Size and change time of blobs at the moment their bytes were hashed, where they differ from those in the manifest.
 
-    A run without work thereby reads no blob. The change time, unlike the modification time, cannot be set back.
+    These are blobs of a copied store, and blobs that were written again. The change time, unlike the modification time, cannot be
+    set back.
     """
 
     def __init__(self, store: Path) -> None:
@@ -159,9 +163,8 @@ class VerifiedBlobs:
         self._seen: dict[str, list[int]] = read_cache(self._path)
         self._fresh = False
 
-    def same(self, blob: str, path: str) -> bool:
-        """Return True when the file has not changed since it was hashed; FileNotFoundError when it is gone."""
-        found = os.stat(path)
+    def same(self, blob: str, found: os.stat_result) -> bool:
+        """Return True when the file has not changed since it was hashed here."""
         return self._seen.get(blob) == [found.st_size, found.st_ctime_ns]
 
     def note(self, blob: str, path: str) -> None:

@@ -6,17 +6,20 @@ import os
 import platform
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
 
+from blake3 import blake3
+
 from runner.canonical import canonical, digest
 from runner.codec import resolve
-from runner.files import Stamp
+from runner.files import Source
 from runner.fingerprint import Fingerprint, fingerprint, merged
 from runner.graph import Node
 from runner.modules import Modules
+from runner.resources import Resources, resources_of
 from runner.selection import declarations, select_of, unselected, without_blocks
 
 VECTORS = ("avx2", "fma", "avx512f", "avx512_bf16", "amx_bf16", "asimd", "sve", "bf16")
@@ -38,12 +41,16 @@ class StageSpec:
     libraries: dict[str, str]
     threads: int
     memory_gib: float
-    sources: tuple[tuple[str, Stamp], ...]
-    """files that the fingerprint covers, with their stamps at the time of reading"""
+    sources: tuple[Source, ...]
+    """files that the fingerprint covers, as they were read"""
     machine: str = ""
     """kind of machine, for stages that declare MACHINE; '' for all others"""
     blocks: frozenset[str] = frozenset()
     """fields of Params that hold parameters of backends that are not selected; not part of the key"""
+    resources: Resources = Resources()
+    timeout_s: float = 0.0
+    digest: str = ""
+    """digest of the parts that all keys of the stage share"""
 
 
 class CodeFingerprints:
@@ -94,12 +101,21 @@ def stage_spec(node: Node, codes: CodeFingerprints) -> StageSpec:
     module, select = node.value.__module__, select_of(node.params)
     declared, blocks = declarations(codes.modules, module, select), unselected(codes.modules, module, select)
     code = codes.of(function, node.params)
-    return StageSpec(
+    spec = StageSpec(
         name=node.name, function=function, params=without_blocks(_params(node), node.params, blocks), code=code,
         libraries={name: _version(node.name, name) for name in sorted(declared["LIBRARIES"])},
         threads=declared["THREADS"], memory_gib=declared["MEMORY_GIB"],
-        sources=tuple((path, codes.modules.stamp(path)) for path in sorted(code.files) if not os.path.isdir(path)),
-        machine=_machine(declared["MACHINE"], node, blocks), blocks=blocks)
+        sources=tuple(codes.modules.source(path) for path in sorted(code.files) if not os.path.isdir(path)),
+        machine=_machine(declared["MACHINE"], node, blocks), blocks=blocks,
+        resources=resources_of(declared, node.params, blocks), timeout_s=declared["TIMEOUT_S"])
+    return replace(spec, digest=spec_digest(spec))
+
+
+def spec_digest(spec: StageSpec) -> str:
+    """Digest of what all keys of a stage share: code, parameters, libraries, threads, kind of machine."""
+    machine = {"machine": spec.machine} if spec.machine else {}
+    return digest("afford-spec", {"code": spec.code.digest, "params": spec.params, "libraries": spec.libraries,
+                                  "threads": spec.threads, **machine})
 
 
 def _machine(declared: bool | list[str], node: Node, blocks: frozenset[str]) -> str:
@@ -118,12 +134,16 @@ def _field(node: Node, name: str) -> Any:
     return value
 
 
-def task_key(spec: StageSpec, inputs: Mapping[str, str], schemas: Mapping[str, str]) -> str:
-    """Key of one shard: `inputs` maps argument to artifact digest, `schemas` maps kind to version."""
-    machine = {"machine": spec.machine} if spec.machine else {}
-    return digest("afford-task", {
-        "code": spec.code.digest, "params": spec.params, "inputs": dict(inputs),
-        "schemas": dict(schemas), "libraries": spec.libraries, "threads": spec.threads, **machine})
+def task_key(spec: str, inputs: Mapping[str, str], schemas: str) -> str:
+    """Key of one shard: digest of the spec, the artifact of each argument, and the text of `schema_text`."""
+    rows = "\n".join([f"{name}={inputs[name]}" for name in sorted(inputs)]) if len(inputs) > 1 else "".join(
+        [f"{name}={artifact}" for name, artifact in inputs.items()])
+    return blake3(f"afford-task\0{spec}\0{schemas}\0{rows}".encode()).hexdigest()
+
+
+def schema_text(schemas: Mapping[str, str]) -> str:
+    """Schemas of all inputs, as text: name and version of each."""
+    return "\n".join(f"{kind}={schemas[kind]}" for kind in sorted(schemas))
 
 
 def seed_of(params: Any, inputs: Mapping[str, str]) -> int:

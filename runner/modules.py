@@ -14,8 +14,10 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from runner.canonical import digest
-from runner.files import RACY_NS, Stamp, read_cache, stamp, write_cache
+from blake3 import blake3
+
+from runner.canonical import digest, file_digest
+from runner.files import RACY_NS, Source, Stamp, read_cache, stamp, write_cache
 from runner.source import Module, SourceError, parse_module
 
 FIRST: dict[str, list[Any]] = {}
@@ -52,6 +54,8 @@ class Modules:
         self.snapshot = Snapshot()
         self._modules: dict[str, Module | None] = {}
         self._stamps: dict[str, Stamp] = {}
+        self._contents: dict[str, str] = {}
+        """path -> digest of the bytes that were read"""
         self._saved: dict[str, list] = {}
         self._fresh = False
         self._version = _version(schemas)
@@ -70,11 +74,21 @@ class Modules:
             return
         self._modules.clear()
         self._stamps.clear()
+        self._contents.clear()
         self.snapshot = Snapshot()
 
     def _is_current(self) -> bool:
         same = all(os.path.exists(path) and stamp(path) == known for path, known in self._stamps.items())
         return same and all(self._find(name) is None for name, module in list(self._modules.items()) if module is None)
+
+    def source(self, path: str) -> Source:
+        """Source file as it was at its first read since `renew`."""
+        before = self.stamp(path)
+        if path not in self._contents:
+            self._contents[path] = file_digest(Path(path))
+            if stamp(path) != before:
+                raise SourceError(f"{path}:1: the file was edited while it was read; run again")
+        return Source(os.path.relpath(path, self.root), self._contents[path], before)
 
     def stamp(self, path: str) -> Stamp:
         """Stamp of a file at its first read since `renew`."""
@@ -122,14 +136,16 @@ class Modules:
     def _parsed(self, name: str, path: Path, package: bool) -> Module:
         now = self.stamp(str(path))
         if name in self._saved and self._saved[name][0] == list(now):
+            self._contents[str(path)] = self._saved[name][2]
             return Module(**self._saved[name][1] | {"path": str(path)})
-        text = path.read_text(encoding="utf-8")
+        data = path.read_bytes()
         if stamp(path) != now:  # the file changed during the read: read it again
             del self._stamps[str(path)]
             return self._parsed(name, path, package)
-        module = parse_module(name, str(path), text, package, name.partition(".")[0] in self._schemas)
+        self._contents[str(path)] = blake3(data).hexdigest()
+        module = parse_module(name, str(path), data.decode("utf-8"), package, name.partition(".")[0] in self._schemas)
         if time.time_ns() - now[3] > RACY_NS:
-            self._saved[name] = [list(now), asdict(module)]
+            self._saved[name] = [list(now), asdict(module), self._contents[str(path)]]
             self._fresh = True
         return module
 

@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 from typing import Any, Literal, Protocol
 
 Why = Literal["first run", "input changed", "parameter changed", "code changed", "schema changed", "library version changed",
-              "threads changed", "machine changed", "output lost", "output damaged", "forced", "upstream pending"]
+              "threads changed", "machine changed", "output lost", "output damaged", "output dropped",
+              "forced", "upstream pending"]
 Result = Literal["ran", "cached", "failed", "blocked", "deferred"]
 
 
@@ -61,6 +62,8 @@ class RunReport:
     failures: list[Failure] = field(default_factory=list)
     outputs: dict[str, list[tuple[str, str]]] = field(default_factory=dict)
     stale: list[str] = field(default_factory=list)
+    used: dict[str, dict[str, str]] = field(default_factory=dict)
+    """stage -> shard -> key of every task that ran or was cached"""
     cpu_s: dict[tuple[str, str], float] = field(default_factory=dict)
     """CPU seconds of every finished (stage, shard), also of those that an earlier run computed"""
     peak_mib: dict[tuple[str, str], float] = field(default_factory=dict)
@@ -82,6 +85,9 @@ class Observer(Protocol):
     def started(self, stage: str, shard: str, reason: Reason) -> None:
         """A worker has started the task."""
 
+    def cached(self, stage: str, count: int) -> None:
+        """Tasks of a stage were found in the store; they are neither planned nor finished."""
+
     def progress(self, stage: str, shard: str, done: int, total: int) -> None:
         """The stage reported its progress."""
 
@@ -100,4 +106,4 @@ class SilentObserver:
     def planned(self, *_: Any) -> None:
         """Ignore the event."""
 
-    started = progress = finished = planned
+    started = progress = finished = cached = planned

@@ -2,30 +2,33 @@
 
 from __future__ import annotations
 
-import errno
 import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from runner import upkeep
 from runner.codec import resolve
 from runner.engines import Engine, Inline, Pool
 from runner.execute import WorkerSpec
-from runner.files import FORMAT
 from runner.graph import Graph, Handle, Node
+from runner.index import Index
 from runner.keys import CodeFingerprints
 from runner.lease import Lease
 from runner.modules import Modules
 from runner.report import Failure, Observer, Reason, RunReport, SilentObserver, TaskPlan
-from runner.schedule import Budget, Limit, Schedule
+from runner.resources import Budget
+from runner.schedule import Limit, Schedule
 from runner.signals import terminating
 from runner.store import Store, StoreError, explain_os, prepare_store
-from runner.task_planner import Task, TaskPlanner
-from runner.traces import Traces, failures, store_format
+from runner.task_planner import TaskPlanner
 from runner.walk import FAILED, NO_OUTPUT, PlanListener, Walk
+
+if TYPE_CHECKING:
+    from runner.remote import Remote
+    from runner.sharing import SharedRun
 
 
 class Runner:
@@ -37,18 +40,22 @@ class Runner:
 
     schemas: packages whose doc lines do not count as code; plan_only: large files that were never hashed are not read.
 
-    StoreError when `store` cannot be written to, or has a previous format.
+    remote: URL of a store that several hosts share, see docs/remote.md.
+
+    StoreError when `store` cannot be written to, or has a previous format; ValueError for a URL that cannot be used.
     """
 
     def __init__(self, store: Path, root: Path, codec: str, worker: str | None = None, jobs: int = 1, memory_gib: float = 4.0,
-                 rehash: bool = False, schemas: tuple[str, ...] = ("schemas",), plan_only: bool = False) -> None:
+                 rehash: bool = False, schemas: tuple[str, ...] = ("schemas",), plan_only: bool = False,
+                 remote: str | None = None) -> None:
         store, self.root = store.absolute(), root.absolute()
-        self.worker_spec = WorkerSpec(store, codec, worker, self.root, schemas)
         prepare_store(store)
-        _check_format(store)
-        self._budget = Budget(jobs, memory_gib)
-        self.store = Store(store, resolve(codec), rehash, plan_only)
-        self.traces = Traces(store)
+        self._budget = Budget(jobs, memory_gib, scratch=store / "scratch")
+        self.index = Index(store)
+        self._remote, self._shared = self._open(remote, store)
+        self.worker_spec = WorkerSpec(store, codec, worker, self.root, schemas, remote, self.index.session,
+                                      self._shared.owner if self._shared else "")
+        self.store = Store(store, resolve(codec), self.index, rehash, plan_only, self._remote)
         self.modules = Modules(self.root, store / ".cache" / "modules.json", schemas)
 
     # -- run -------------------------------------------------------------------------------------------------------
@@ -81,6 +88,7 @@ class Runner:
                 walk.check_shards()
                 report.failures += _unmade(walk, self._wanted(graph, target))
                 report.outputs = self._outputs(graph, target, walk)
+            self._add_costs(report)
         report.seconds = time.monotonic() - began
         return report
 
@@ -97,6 +105,11 @@ class Runner:
         self._check_names(graph, [stage] if stage else [])
         return [plan for plan in self.plan(graph, target)
                 if stage in (None, plan.stage) and (shard is None or shard in (plan.shard, *plan.shard.split("/")))]
+
+    @property
+    def traces(self) -> Index:
+        """Index of all traces of the store."""
+        return self.index
 
     # -- read ------------------------------------------------------------------------------------------------------
 
@@ -135,18 +148,18 @@ class Runner:
 
     def failures(self) -> list[dict[str, str]]:
         """key, stage, shard, message and traceback of every failure without a later success."""
-        return failures(self.store.root)
+        return self.index.failures()
 
     def lineage(self, artifact: str) -> upkeep.Provenance:
         """Provenance of an artifact (digest, its prefix, or a path in the store), down to the leafs."""
-        return upkeep.lineage(self.store, self.traces, artifact)
+        return upkeep.lineage(self.store, self.index, artifact)
 
     def verify(self) -> upkeep.VerifyResult:
         """Hash every stored file again.
 
         Damaged files are moved aside, and the next run computes them again.
         """
-        return upkeep.verify(self.store, self.traces)
+        return upkeep.verify(self.store, self.index)
 
     def gc(self, dry_run: bool = False) -> upkeep.GcResult:
         """Delete everything that the last use of every shard does not reach; with `dry_run`, only count it.
@@ -157,28 +170,40 @@ class Runner:
         if not lease.held:
             raise StoreError(f"a run is using {self.store.root}; run gc when it has ended")
         try:
-            self.traces = Traces(self.store.root)  # read again, now that no run can add traces
+            self.index.load()  # again, now that no run can add traces
             self.store.renew()
-            return upkeep.gc(self.store, self.traces, dry_run)
+            return upkeep.gc(self.store, self.index, dry_run)
         finally:
             lease.release(remove=False)
 
     # -- private ---------------------------------------------------------------------------------------------------
 
+    def _open(self, url: str | None, store: Path) -> tuple[Remote | None, SharedRun | None]:
+        if url is None:
+            return None, None
+        from runner.remote import Remote
+        from runner.sharing import SharedRun
+
+        remote = Remote.open(url, store, session=self.index.session)
+        return remote, SharedRun(remote, self.index)
+
     def _task_planner(self, force: Iterable[str]) -> TaskPlanner:
         """Build a planner on the current state of code and store."""
         self.modules.renew()
         self.store.renew()
-        self.traces.renew()
         fingerprints = CodeFingerprints(self.modules, self.worker_spec.codec, self.worker_spec.worker)
-        return TaskPlanner(self.store, self.traces, fingerprints, force)
+        planner = TaskPlanner(self.store, self.index, fingerprints, force, self._shared)
+        planner.refresh()
+        return planner
 
     @contextmanager
     def _session(self) -> Iterator[Engine]:
         """Open an engine under the shared lease that keeps gc away; write the caches at the end, also after Ctrl-C."""
         with terminating():
+            self._join()
             lease = self._share()
-            engine: Engine = Pool(self.worker_spec) if self._budget.jobs else Inline(self.worker_spec)
+            kind = Pool if self._budget.jobs else Inline
+            engine: Engine = kind(self.worker_spec, self.index.offsets())
             try:
                 yield engine
             except StoreError:
@@ -189,18 +214,28 @@ class Runner:
             finally:
                 engine.close()
                 try:
+                    if self._shared is not None:
+                        self._shared.end()
                     self._save()
                 finally:
                     lease.release(remove=False)
 
+    def _join(self) -> None:
+        """Register the run with the other hosts; StoreError when the remote store refuses requests."""
+        if self._shared is not None:
+            try:
+                self._shared.begin()
+            except OSError as error:
+                raise StoreError(str(error)) from None
+
     def _share(self) -> Lease:
         """Take the shared lease.
 
-        Leftovers of killed runs in scratch/ and leases/ are removed if no other run is open.
+        Leftovers of killed runs are removed, and segments mended and merged, if no other run is open.
         """
         alone = Lease(self.store.root / "leases" / "store.lock")
         if alone.held:
-            upkeep.sweep(self.store.root)
+            upkeep.sweep(self.store.root, self.index)
             alone.release(remove=False)
         while not (lease := Lease(self.store.root / "leases" / "store.lock", shared=True)).held:
             time.sleep(0.1)  # gc is running; it is short
@@ -208,7 +243,7 @@ class Runner:
 
     def _save(self) -> None:
         try:
-            self.traces.save()
+            self.index.save()
             self.store.save()
             self.modules.save()
         except OSError as error:
@@ -230,8 +265,8 @@ class Runner:
         node = next(node for node in graph.stages() if node.name == name)
         fresh = self._planned(graph, Handle(graph, node), None, ()).tasks
         made: dict[str, str] = {}
-        for shard, key in sorted(self.traces.shards(name).items()):
-            trace = self.traces.get(key)
+        for shard, key in sorted(self.index.shards(name).items()):
+            trace = self.index.get(key)
             if trace is None or (shards and not shards & {shard, *shard.split("/")}):
                 continue
             now = fresh.get((name, shard))
@@ -249,14 +284,20 @@ class Runner:
 
     def _again(self, node: Node, path: tuple[str, ...], inputs: dict[str, str], schedule: Schedule) -> str:
         planner = schedule.walk.planner
-        task: Task = planner.task(node, path, inputs)
-        output, reason = planner.decide(task)
+        task = planner.task(node, path, inputs)
+        output, reason = planner.decide(task, True)
         if reason is None:
             schedule.cached(task, output)
             schedule.walk.publish(node, path, output)
         else:
             schedule.needed(task, Reason(reason.why, reason.detail))
         return task.key
+
+    def _add_costs(self, report: RunReport) -> None:
+        """Add CPU seconds and peak memory of all tasks that the run used."""
+        for stage, shards in report.used.items():
+            for shard, key in shards.items():
+                report.cpu_s[stage, shard], _, report.peak_mib[stage, shard] = self.index.cost(key)
 
     def _limit(self, graph: Graph, target: Any, end: float) -> Limit:
         optional = graph.optional(self._wanted(graph, target))
@@ -280,17 +321,6 @@ class Runner:
         for name in names:
             if name not in valid:
                 raise UnknownNameError(f"unknown stage {name!r}; the nearest are {_nearest(name, valid)}")
-
-
-def _check_format(root: Path) -> None:
-    """Raise StoreError for a store of a previous format.
-
-    None of its keys would match, and everything would silently be computed again.
-    """
-    found = store_format(root)
-    if found not in (None, FORMAT):
-        raise StoreError(errno.EINVAL, f"the store {root} has a previous format (expected {FORMAT}, got {found}), whose "
-                                       "keys depend on code locations; delete it, or choose another folder for the store")
 
 
 def _unmade(walk: Walk, wanted: Iterable[Node]) -> list[Failure]:

@@ -7,21 +7,25 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from runner.execute import Job
+from runner.execute import Job, JobSpec
 from runner.files import DamagedError, seal, unseal, write_atomic
 from runner.fingerprint import changed
 from runner.graph import Node
-from runner.keys import CodeFingerprints, StageSpec, stage_spec, task_key
-from runner.report import Reason
+from runner.index import Index, Trace, manifest_of
+from runner.keys import CodeFingerprints, StageSpec, schema_text, stage_spec, task_key
+from runner.report import Reason, Why
 from runner.selection import hide_unselected
 from runner.store import Store
-from runner.traces import Trace, Traces
+
+if TYPE_CHECKING:
+    from runner.sharing import SharedRun
 
 SHOWN = 3
+Demand = bool | frozenset[str]
+"""bytes of an output that must be readable: all, none, or those of some fields of a bundle"""
 
 
 def compare(last: Trace | None, spec: StageSpec, inputs: Mapping[str, str], schemas: Mapping[str, str], store: Path) -> Reason:
@@ -98,13 +102,11 @@ def _differing(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
 ShardPath = tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class Task:
+class Task(NamedTuple):
     """One shard of a stage whose inputs are known."""
 
     node: Node
     path: ShardPath
-    spec: StageSpec
     inputs: dict[str, str]
     schemas: dict[str, str]
     key: str
@@ -118,13 +120,15 @@ class Task:
 class TaskPlanner:
     """Computes tasks and decides whether they must run; executes nothing."""
 
-    def __init__(self, store: Store, traces: Traces, codes: CodeFingerprints, force: Iterable[str] = ()) -> None:
-        self.store, self.traces = store, traces
+    def __init__(self, store: Store, index: Index, codes: CodeFingerprints, force: Iterable[str] = (),
+                 shared: SharedRun | None = None) -> None:
+        self.store, self.index, self.shared = store, index, shared
         self._codes, self._force = codes, set(force)
         self._specs: dict[int, StageSpec] = {}
+        self._jobs: dict[int, JobSpec] = {}
         self._kept: set[str] = set()
-        self._kinds: dict[str, frozenset[str]] = {}
         self._versions: dict[str, str] = {}
+        self._schemas_of: dict[frozenset[str], tuple[dict[str, str], str]] = {}
 
     def spec(self, node: Node) -> StageSpec:
         """Code, parameters and declarations of a stage."""
@@ -134,43 +138,87 @@ class TaskPlanner:
 
     def task(self, node: Node, path: ShardPath, inputs: dict[str, str]) -> Task:
         """Build the task, with its key."""
-        spec, schemas = self.spec(node), self._schemas(inputs)
-        return Task(node, path, spec, inputs, schemas, task_key(spec, inputs, schemas))
+        schemas, text = self._schemas(inputs)
+        return Task(node, path, inputs, schemas, task_key(self.spec(node).digest, inputs, text))
 
-    def decide(self, task: Task) -> tuple[str, Reason | None]:
-        """Return (output, None) if the output is stored, ('', reason) if the task must run."""
+    def refresh(self) -> None:
+        """Read the results that other runs, here and on other hosts, have stored."""
+        self.index.refresh()
+        if self.shared is not None:
+            self.shared.refresh()
+
+    def decide(self, task: Task, demand: Demand) -> tuple[str, Reason | None]:
+        """Return (output, None) if the output is known, ('', reason) if the task must run.
+
+        Without demand for its bytes, an output counts as known although they are gone; a damaged one is repaired in any case.
+        `demand` names the demanded fields of a bundle, True stands for all.
+        """
         if task.node.name in self._force:
             return "", Reason("forced")
-        output = self.traces.output(task.key)
+        output = self.index.output(task.key)
         if output is None:
-            last = self.traces.last(task.node.name, task.shard)
-            return "", compare(last, task.spec, task.inputs, task.schemas, self.store.root)
+            last = self.index.last(task.node.name, task.shard)
+            return "", compare(last, self.spec(task.node), task.inputs, task.schemas, self.store.root)
         state = self.store.state(output)
-        if state != "ok":  # another process may have stored the output again since the index was written
-            output = self.traces.reread(task.key) or output
-            state = self.store.state(output)
-        return (output, None) if state == "ok" else ("", Reason("output damaged" if state == "damaged" else "output lost"))
+        if state == "ok":
+            return output, None
+        why = self._loss(output, state)
+        if why == "output damaged" or state == "unknown" or self._is_demanded(output, demand):
+            return "", Reason(why)
+        if why == "output lost" and not self.store.memo.plan_only:
+            self.index.drop(task.node.name, self.store.lost(output))
+        return output, None
+
+    def _is_demanded(self, output: str, demand: Demand) -> bool:
+        """Return True when bytes are demanded that cannot be read."""
+        if isinstance(demand, bool):
+            return demand
+        children = self.store.manifest(output).children or ()
+        return any(self.store.state(digest) != "ok" for name, digest in children if name in demand)
+
+    def _loss(self, output: str, state: str) -> Why:
+        if all(digest in self.index.drops for digest in self.store.lost(output)):
+            return "output dropped"
+        return "output damaged" if state == "damaged" else "output lost"
 
     def job(self, task: Task, reason: Reason) -> Job:
         """Build the job that a worker executes."""
-        spec = task.spec
-        if spec.code.digest not in self._kept:
-            keep_definitions(self.store.root, spec)
-            self._kept.add(spec.code.digest)
-        return Job(
-            key=task.key, stage=task.node.name, shard=task.shard, function=spec.function,
-            params=hide_unselected(task.node.params, spec.blocks), params_tree=spec.params, inputs=task.inputs,
-            wants_ctx=task.node.wants_ctx, code=spec.code.digest,
-            schemas=task.schemas, libraries=spec.libraries, threads=spec.threads, memory_gib=spec.memory_gib,
-            sources=spec.sources, reason=str(reason), force=reason.why == "forced")
+        manifests: dict[str, str] = {}
+        for digest in task.inputs.values():
+            self._gather(digest, manifests)
+        return Job(spec=self._job_spec(task.node), key=task.key, shard=task.shard, inputs=task.inputs, schemas=task.schemas,
+                   manifests=manifests, reason=str(reason), force=reason.why == "forced")
 
-    def _schemas(self, inputs: Mapping[str, str]) -> dict[str, str]:
-        kinds: set[str] = set()
-        for digest in inputs.values():
-            if digest not in self._kinds:
-                self._kinds[digest] = frozenset(self.store.kinds(digest))
-            kinds |= self._kinds[digest]
-        return {kind: self._version(kind) for kind in sorted(kinds)}
+    def _gather(self, digest: str, manifests: dict[str, str]) -> None:
+        """Add the manifests of an artifact and of its parts."""
+        body = self.index.body(digest)
+        if body is None or digest in manifests:
+            return
+        manifests[digest] = body
+        if body[:1] == "[":
+            for _, child in manifest_of(body).children or ():
+                self._gather(child, manifests)
+
+    def _job_spec(self, node: Node) -> JobSpec:
+        """Part of a job that all shards of the stage share; the definitions behind its code are kept for `explain`."""
+        if node.id not in self._jobs:
+            spec = self.spec(node)
+            if spec.code.digest not in self._kept:
+                keep_definitions(self.store.root, spec)
+                self._kept.add(spec.code.digest)
+            self._jobs[node.id] = JobSpec(
+                stage=node.name, function=spec.function, params=hide_unselected(node.params, spec.blocks), params_tree=spec.params,
+                wants_ctx=node.wants_ctx, code=spec.code.digest, libraries=spec.libraries, threads=spec.threads,
+                resources=spec.resources, timeout_s=spec.timeout_s, sources=spec.sources)
+        return self._jobs[node.id]
+
+    def _schemas(self, inputs: Mapping[str, str]) -> tuple[dict[str, str], str]:
+        """Schema versions of the inputs, and their text in the key."""
+        kinds = frozenset[str]().union(*map(self.store.kinds, inputs.values()))
+        if kinds not in self._schemas_of:
+            schemas = {kind: self._version(kind) for kind in sorted(kinds)}
+            self._schemas_of[kinds] = schemas, schema_text(schemas)
+        return self._schemas_of[kinds]
 
     def _version(self, kind: str) -> str:
         if kind not in self._versions:

@@ -5,19 +5,22 @@ from __future__ import annotations
 import os
 import shutil
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from runner.canonical import file_digest, path_digest
-from runner.files import host
-from runner.lease import Lease
-from runner.store import Entry, Store
+from runner.files import host, unique, write_atomic
+from runner.index import Entry, Index, Trace
+from runner.segments import SUFFIX, decode, encode, has_writer, lines, new_session, read_from, segment_names
+from runner.store import Store
 from runner.task_planner import kept_definitions
-from runner.traces import Trace, Traces
 
 DAY_S = 86400.0
+MANY_SEGMENTS = 32
+"""segments are merged when a run begins alone and there are more"""
 
 
 @dataclass(frozen=True)
@@ -64,16 +67,16 @@ class GcResult:
     dry_run: bool = False
 
 
-def lineage(store: Store, traces: Traces, artifact: str) -> Provenance:
+def lineage(store: Store, index: Index, artifact: str) -> Provenance:
     """Provenance of an artifact.
 
     ValueError when no artifact, or more than one, has a digest with this prefix.
     """
     makers: dict[str, Trace] = {}
-    for trace in sorted(traces.all(), key=lambda trace: trace.finished):
+    for trace in sorted(index.all(), key=lambda trace: trace.finished):
         for inside, _ in store.closure(trace.output):
             makers.setdefault(inside, trace)  # the first producer: a later stage may return it unchanged
-    return _origin(store, makers, _named(store, artifact), {})
+    return _origin(store, makers, _named(store, index, artifact), {})
 
 
 def _origin(store: Store, makers: dict[str, Trace], digest: str, done: dict[str, Provenance]) -> Provenance:
@@ -87,37 +90,38 @@ def _origin(store: Store, makers: dict[str, Trace], digest: str, done: dict[str,
     return done[digest]
 
 
-def _named(store: Store, artifact: str) -> str:
-    """Digest of the artifact at a digest prefix, or at the path of a manifest or blob."""
+def _named(store: Store, index: Index, artifact: str) -> str:
+    """Digest of the artifact at a digest prefix, or at the path of a blob."""
     path = Path(artifact)
     if path.exists() and path.resolve().is_relative_to(store.root.resolve()):
-        room, *parts = path.resolve().relative_to(store.root.resolve()).parts
-        name = "".join(parts).removesuffix(".json")
-        return name if room == "manifests" else _holder(store, name)
-    matches = [digest for digest in _stored(store.root / "manifests") if digest.startswith(artifact)]
+        _, *parts = path.resolve().relative_to(store.root.resolve()).parts
+        return _holder(index, "".join(parts))
+    matches = [digest for digest in index.bodies() if digest.startswith(artifact)]
     if len(matches) != 1:
         raise ValueError(f"expected the digest of one artifact, a prefix of it, or a path in the store; {artifact!r} matches "
                          f"{len(matches)} artifacts")
     return matches[0]
 
 
-def _holder(store: Store, blob: str) -> str:
-    for digest in _stored(store.root / "manifests"):
-        found = store.find(digest)
-        if found and any(entry.blob == blob for entry in found.files):
-            return digest
-    raise ValueError(f"no artifact holds the blob {blob[:12]}")
+def _holder(index: Index, blob: str) -> str:
+    found = next((digest for digest, body in index.bodies().items() if blob and blob in body), None)
+    if found is None:
+        raise ValueError(f"no artifact holds the blob {blob[:12]}")
+    return found
 
 
-def verify(store: Store, traces: Traces) -> VerifyResult:
-    """Read every blob and trace, and check every artifact in use.
+def verify(store: Store, index: Index) -> VerifyResult:
+    """Read every segment and blob, and check every artifact in use.
 
-    A damaged trace is rewritten from the index; without entry there it is deleted, and its task runs again. Damaged definitions
-    for `explain` are deleted, since nothing depends on them.
+    Damaged rows of segments are removed, and their tasks run again. Damaged definitions for `explain` are deleted, since nothing
+    depends on them. Damaged blobs are computed again by the next run, missing ones when a task needs them.
     """
     verdict = VerifyResult()
-    store.distrust()
-    verdict.missing += [f"trace {key[:12]} (damaged)" for key in traces.mend()]
+    index.load(cached=False)
+    verdict.missing += [f"{count} row(s) of {name} (damaged)" for name, count in sorted(index.damaged.items())]
+    mend(index)
+    index.write()
+    store.renew()
     for path in (store.root / "code").glob("[!.]*.json"):
         if kept_definitions(store.root, path.stem) is None:
             path.unlink()
@@ -128,61 +132,103 @@ def verify(store: Store, traces: Traces) -> VerifyResult:
         if file_digest(path) != blob:
             store.quarantine(blob)
             verdict.damaged.append(blob)
-    for digest in _reached(store, traces):
+    for digest in _reached(store, index):
         found = store.find(digest)
         if found is None:
             verdict.missing.append(f"manifest of {digest[:12]}")
             continue
-        for entry in found.files:
-            _check(store, entry, digest, verdict)
+        gone = [entry for entry in found.files if not _check(store, entry, digest, verdict, digest in index.drops)]
+        if gone and digest not in index.drops and not any(store.was_damaged(entry.blob) for entry in gone):
+            index.drop("", [digest])
     return verdict
 
 
-def _check(store: Store, entry: Entry, digest: str, verdict: VerifyResult) -> None:
+def _check(store: Store, entry: Entry, digest: str, verdict: VerifyResult, dropped: bool) -> bool:
+    """Check one file of an artifact; False when its blob is gone."""
     if not entry.path:
-        if not store.path("blobs", entry.blob).exists() and entry.blob not in verdict.damaged:
+        if store.path("blobs", entry.blob).exists():
+            return True
+        if not dropped and entry.blob not in verdict.damaged:
             verdict.missing.append(f"{entry.name} of {digest[:12]}")
-        return
+        return False
     path = Path(entry.path)
     if not path.exists() or path_digest(path) != entry.blob:
         verdict.changed.append(entry.path)
+    return True
 
 
-def gc(store: Store, traces: Traces, dry_run: bool = False) -> GcResult:
+def mend(index: Index) -> None:
+    """Rewrite the damaged segments of writers that have ended, without their damaged rows."""
+    for name in [name for name in index.damaged if not has_writer(index.root / "traces" / name)]:
+        kept = b"".join(line + b"\n" for _, line in lines(read_from(index.root, name, 0)) if decode(line) is not None)
+        write_atomic(index.root / "traces" / name, kept)
+        del index.damaged[name]
+    index.load(cached=False)
+
+
+def merge(index: Index) -> None:
+    """Merge all segments into one, without replaced rows; no run may be open."""
+    names = segment_names(index.root)
+    found = (decode(line) for name in names for _, line in lines(read_from(index.root, name, 0)))
+    rewrite(index, (row for row in found if row is not None))
+
+
+def rewrite(index: Index, rows: Iterable[list[Any]]) -> None:
+    """Replace all segments by one with these rows; no run may be open.
+
+    The new segment is complete before an old one is deleted, so a kill in between loses nothing.
+    """
+    old = segment_names(index.root)
+    name = f"{new_session()}-{os.getpid()}{SUFFIX}"
+    hidden = index.root / "traces" / unique(name)
+    with open(hidden, "wb") as file:
+        for row in rows:
+            file.write(encode(row))
+    os.replace(hidden, index.root / "traces" / name)
+    index.writer.close()
+    for former in old:
+        (index.root / "traces" / former).unlink(missing_ok=True)
+    index.load(cached=False)
+    index.write()
+
+
+def gc(store: Store, index: Index, dry_run: bool = False) -> GcResult:
     """Keep what the last use of every shard reaches: traces, outputs, inputs. Delete the rest.
 
     With `dry_run` the rest is only counted.
     """
     swept = GcResult(dry_run=dry_run)
-    if not dry_run:
-        traces.mend()
-    keep = set(_reached(store, traces))
+    keys, keep = index.latest_keys(), set(_reached(store, index))
     blobs = {entry.blob for digest in keep if (found := store.find(digest)) for entry in found.files}
-    for trace in list(traces.all()):
-        if trace.key not in traces.latest_keys():
-            _drop(store.path("traces", trace.key, ".json"), swept)
-            if not dry_run:
-                traces.forget(trace.key)
-    for room, kept, suffix in (("manifests", keep, ".json"), ("blobs", blobs, ""), ("damaged", set(), "")):
-        for name in list(_stored(store.root / room)) if room != "damaged" else [p.name for p in (store.root / room).iterdir()]:
-            if name not in kept:
-                _drop(store.root / room / name if room == "damaged" else store.path(room, name, suffix), swept)
-    codes = {f"{trace.code}.json" for trace in traces.all() if trace.key in traces.latest_keys()}
+    swept.files += len(index) - len(keys)
+    for blob in list(_stored(store.root / "blobs")):
+        if blob not in blobs:
+            _drop(store.path("blobs", blob), swept)
+    codes = {f"{trace.code}.json" for trace in index.all() if trace.key in keys}
     unused = [path for path in (store.root / "code").glob("*") if path.name not in codes]
-    for old in (*unused, *(store.root / "failures").glob("??/*.json")):
+    torn = (path for room in ("blobs/??", "traces", "code") for path in (store.root).glob(f"{room}/.*"))
+    for old in (*unused, *(store.root / "damaged").iterdir(), *torn):
         _drop(old, swept)
-    for torn in (path for room in ("blobs", "manifests", "traces", "failures") for path in (store.root / room).glob("??/.*")):
-        _drop(torn, swept)
     for folder in (store.root / "scratch").iterdir():
         swept.bytes += sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
         if not dry_run:
             shutil.rmtree(folder, ignore_errors=True)
-    if dry_run:
-        return swept
-    store.forget_all()
-    store.save()
-    traces.save()
+    if not dry_run and (len(index) > len(keys) or len(segment_names(index.root)) > 1):
+        rewrite(index, list(_kept_rows(index, keys, keep)))
+        store.renew()
+        store.save()
     return swept
+
+
+def _kept_rows(index: Index, keys: set[str], keep: set[str]) -> Iterator[list[Any]]:
+    """Rows of the kept traces and artifacts, and of the last uses; failures are not kept."""
+    for name in segment_names(index.root):
+        for _, line in lines(read_from(index.root, name, 0)):
+            row = decode(line)
+            if row is None or (row[0] == "trace" and row[1] not in keys) or (row[0] == "artifact" and row[1] not in keep):
+                continue
+            if row[0] not in ("failure", "forget") and not (row[0] == "drop" and row[2] not in keep):
+                yield row
 
 
 def _drop(path: Path, swept: GcResult) -> None:
@@ -193,18 +239,18 @@ def _drop(path: Path, swept: GcResult) -> None:
             path.unlink()
 
 
-def sweep(root: Path) -> None:
-    """Remove leftovers of killed runs: save folders and lock files without owner.
+def sweep(root: Path, index: Index) -> None:
+    """Remove leftovers of killed runs, mend damaged segments, and merge segments when there are many.
 
     No run may be open.
     """
     for folder in (root / "scratch").glob("save*"):
         if not _has_owner(folder):
             shutil.rmtree(folder, ignore_errors=True)
-    for path in (root / "leases").glob("?" * 64 + ".lock"):
-        lease = Lease(path)
-        if lease.held:
-            lease.release()
+    if index.damaged:
+        mend(index)
+    if len(segment_names(root)) > MANY_SEGMENTS:
+        merge(index)
 
 
 def _has_owner(folder: Path) -> bool:
@@ -225,13 +271,13 @@ def _lives(process: str) -> bool:
         return False
 
 
-def _reached(store: Store, traces: Traces) -> Iterator[str]:
+def _reached(store: Store, index: Index) -> Iterator[str]:
     """Yield artifacts that the last use of every shard produced or used."""
     seen: set[str] = set()
-    for key in traces.latest_keys():
-        trace = traces.get(key)
-        for digest in (trace.output, *trace.inputs.values()) if trace else ():
-            for inside, _ in store.closure(digest):
+    keys = index.latest_keys()
+    for trace in index.all():
+        for digest in (trace.output, *trace.inputs.values()) if trace.key in keys else ():
+            for inside, _ in store.closure(digest) if digest not in seen else ():
                 if inside not in seen:
                     seen.add(inside)
                     yield inside

@@ -13,10 +13,11 @@ from typing import Protocol
 
 from runner.graph import Graph, Node
 from runner.report import Reason, TaskPlan
-from runner.task_planner import ShardPath, Task, TaskPlanner
+from runner.task_planner import Demand, ShardPath, Task, TaskPlanner
 
 FAILED, DEFERRED, UNKNOWN = "failed", "deferred", "unknown"
 NO_OUTPUT = (FAILED, DEFERRED)
+LOSSES = ("output lost", "output damaged", "output dropped")
 NodeShard = tuple[int, ShardPath]
 
 
@@ -44,7 +45,10 @@ class Listener(Protocol):
 
 
 class Walk:
-    """State of one walk over a graph."""
+    """State of one walk over a graph.
+
+    `published` and measured values count as wanted: their bytes are demanded, and those of other outputs only by tasks that run.
+    """
 
     def __init__(self, graph: Graph, wanted: list[Node], planner: TaskPlanner, listener: Listener,
                  shards: Iterable[str] = ()) -> None:
@@ -52,23 +56,52 @@ class Walk:
         self.nodes = graph.upstream(wanted)
         self._targets = {node.id for node in wanted}
         self.outcome: dict[NodeShard, str] = {}
+        self.remade: list[NodeShard] = []
+        """withdrawn node shards that have an outcome again; whoever waits for them empties the list"""
         self.paths: dict[tuple[int, ...], dict[ShardPath, None]] = defaultdict(dict)
         self.paths[()] = {(): None}
+        self._below: dict[tuple[tuple[int, ...], int], dict[ShardPath, list[ShardPath]]] = defaultdict(lambda: defaultdict(list))
+        """(axes, length) -> prefix of this length -> paths"""
         self._shards = set(shards)
         self._matched: set[str] = set()
         self._seen: set[str] = set()
         self._users: dict[int, list[Node]] = defaultdict(list)
+        self._sources = {node.id: [(name, source, len(graph.nodes[source].axes)) for name, source in node.inputs]
+                         for node in self.nodes}
+        self._collectors = {node.id: [other for other in self.nodes if other.sort == "collect"
+                                      and node.id in graph.nodes[other.inputs[0][1]].axes]
+                            for node in self.nodes if node.sort == "each"}
         self._expanded: dict[int, set[ShardPath]] = defaultdict(set)
         self._known: dict[int, int] = defaultdict(int)
-        self._attempted: dict[NodeShard, dict[str, str]] = {}
+        self._attempted: dict[NodeShard, tuple[str, ...]] = {}
         self._reopened: dict[NodeShard, str] = {}
         """node shards whose outcome was withdrawn, with that outcome"""
+        self._holders: dict[str, dict[NodeShard, str]] | None = None
+        """artifact -> node shards whose outcome contains it, with that outcome; built when an artifact is lost"""
+        self._doomed: dict[int, set[ShardPath]] = defaultdict(set)
+        """node -> paths where the node, or an input of it, has failed"""
         self._queue: deque[NodeShard] = deque()
         self._dead: set[int] | None = set()
         for node in self.nodes:
             for source in dict.fromkeys(source for _, source in node.inputs):
                 self._users[source].append(node)
         self.rank = self._ranks()
+        self._demands = self._demanded(wanted)
+
+    def _demanded(self, wanted: list[Node]) -> dict[int, Demand]:
+        """Map each stage to the demand for the bytes of its outputs by values that are wanted, published or measured."""
+        met, found = {node.id for node in self.nodes}, dict[int, Demand]()
+        shown = {one.node for one in self.graph.published} | {one.node for one in self.graph.measured}
+        todo: list[tuple[Node, Demand]] = [(node, True) for node in (*wanted, *(self.graph.nodes[at] for at in shown & met))]
+        while todo:
+            node, demand = todo.pop()
+            if node.sort == "stage":
+                before = found.get(node.id, False)
+                found[node.id] = True if True in (before, demand) else (before or frozenset()) | (demand or frozenset())  # type: ignore[operator]
+                continue
+            demand = frozenset((node.value,)) if node.sort == "pick" else True
+            todo += [(self.graph.nodes[source], demand) for _, source in node.inputs]
+        return found
 
     def _ranks(self) -> dict[int, tuple[int, int]]:
         """Priority of each node, the smallest first.
@@ -100,12 +133,22 @@ class Walk:
         """Return True when the node's output is neither computed nor wanted any more."""
         if user.id in (self._dead or ()):
             return True
-        return self._complete(user.axes) and not user.partial and all(self._doomed(user, path) for path in self.paths[user.axes])
+        doomed = len(self._doomed[user.id]) == len(self.paths[user.axes])
+        return doomed and not user.partial and user.sort != "collect" and self._complete(user.axes)
 
-    def _doomed(self, node: Node, path: ShardPath) -> bool:
-        """Return True when the node shard, or an input that it needs, has failed."""
-        inputs = [self.outcome.get((source, path[: len(self.graph.nodes[source].axes)])) for _, source in node.inputs]
-        return node.sort != "collect" and FAILED in (*inputs, self.outcome.get((node.id, path)))
+    def _doom(self, node: Node, path: ShardPath) -> None:
+        """Mark a failed node shard, and the shards of its users that cannot run any more."""
+        for user in (node, *self._users[node.id]):
+            shards, doomed = self._longer(user, path), self._doomed[user.id]
+            doomed.update(shards)
+            if len(doomed) == len(self.paths[user.axes]):
+                self._dead = None  # to be computed again
+
+    def _longer(self, node: Node, path: ShardPath) -> list[ShardPath]:
+        """Known paths of a node that begin with `path`."""
+        if len(path) == len(node.axes):
+            return [path]
+        return self._below[node.axes, len(path)][path]
 
     def begin(self) -> None:
         """Read the code of every stage, store the leafs, and propagate everything that is known."""
@@ -122,13 +165,17 @@ class Walk:
 
     def publish(self, node: Node, path: ShardPath, outcome: str) -> None:
         """Set the outcome of a node shard; `follow` propagates it."""
-        if (node.id, path) not in self.outcome:
+        place = node.id, path
+        if place not in self.outcome:
             self._known[node.id] += 1
-            self._reopened.pop((node.id, path), None)
+            if self._reopened and self._reopened.pop(place, None) is not None:
+                self.remade.append(place)
         if outcome == FAILED:
-            self._dead = None
-        self.outcome[node.id, path] = outcome
-        self._queue.append((node.id, path))
+            self._doom(node, path)
+        self.outcome[place] = outcome
+        self._queue.append(place)
+        if self._holders is not None:
+            self._hold(place, outcome)
 
     def follow(self) -> None:
         """Propagate known outcomes until nothing more follows."""
@@ -143,41 +190,41 @@ class Walk:
             near = get_close_matches(name, sorted(self._seen), n=3, cutoff=0.3) or sorted(self._seen)[:5]
             raise UnknownShardError(f"unknown shard {name!r}; the nearest are {', '.join(near) or 'not known'}")
 
-    def reopen(self, digest: str) -> list[NodeShard]:
+    def reopen(self, digest: str) -> dict[NodeShard, bool]:
         """Withdraw the outcomes that contain an unreadable artifact.
 
-        Leafs are stored again at once. The returned node shards are stages, for which `retry` decides again. Outcomes that
-        follow from them stay, since a repeated stage usually gives the same bytes.
+        Leafs are stored again at once. The returned node shards are stages, mapped to True where the outcome is withdrawn now:
+        for these, `retry` decides again. Outcomes that follow from them stay, since a repeated stage usually gives the same bytes.
         """
-        makers = [place for place, outcome in self._reopened.items() if self._holds(outcome, digest)]
-        for (at, path), outcome in list(self.outcome.items()):
+        makers: dict[NodeShard, bool] = {}
+        for place, held in list(self._holders_of(digest).items()):
+            at, path = place
             node = self.graph.nodes[at]
-            if node.sort not in ("stage", "leaf") or not self._holds(outcome, digest):
+            if place in self._reopened:
+                makers[place] = False
+            elif self.outcome.get(place) != held:
                 continue
-            if node.sort == "leaf":
+            elif node.sort == "leaf":
                 self.publish(node, path, self._leaf(node))
-                continue
-            self._reopened[at, path] = self.outcome.pop((at, path))
-            self._known[at] -= 1
-            makers.append((at, path))
+            else:
+                self._reopened[place] = self.outcome.pop(place)
+                self._known[at] -= 1
+                makers[place] = True
         return makers
 
-    def _holds(self, outcome: str, digest: str) -> bool:
-        return outcome not in NO_OUTPUT and any(inside == digest for inside, _ in self.planner.store.closure(outcome))
+    def _holders_of(self, digest: str) -> dict[NodeShard, str]:
+        if self._holders is None:
+            self._holders = defaultdict(dict)
+            for place, outcome in self.outcome.items():
+                self._hold(place, outcome)
+        return self._holders[digest]
 
-    def restore(self) -> None:
-        """Store every list of outcomes again that is missing from the store."""
-        for node in self.nodes:
-            for path in list(self.paths[node.axes]) if node.sort in ("collect", "gather") else ():
-                outcome = self.outcome.get((node.id, path))
-                if outcome not in (None, UNKNOWN, *NO_OUTPUT) and self.planner.store.find(outcome) is None:
-                    self._restore_list(node, path)
-
-    def _restore_list(self, node: Node, path: ShardPath) -> None:
-        if node.sort == "collect":
-            self._collect(node)
-        else:
-            self.planner.store.put_tuple(list(self._available(self._inputs(node, path) or {}).items()))
+    def _hold(self, place: NodeShard, outcome: str) -> None:
+        if outcome in NO_OUTPUT or outcome == UNKNOWN or self.graph.nodes[place[0]].sort not in ("stage", "leaf"):
+            return
+        assert self._holders is not None
+        for inside, _ in self.planner.store.closure(outcome):
+            self._holders[inside][place] = outcome
 
     def retry(self, node: Node, path: ShardPath) -> None:
         """Decide about a node shard again although its inputs are unchanged."""
@@ -186,7 +233,7 @@ class Walk:
 
     def is_current(self, task: Task) -> bool:
         """Return True when the task has the inputs that its node shard was last attempted with."""
-        return self._attempted.get((task.node.id, task.path)) == task.inputs
+        return self._attempted.get((task.node.id, task.path)) == tuple(task.inputs.values())
 
     def missing(self, wanted: Iterable[Node]) -> list[tuple[Node, ShardPath]]:
         """Wanted node shards without outcome; () stands for a whole node whose lists are not known."""
@@ -204,14 +251,14 @@ class Walk:
         elif len(path) == len(node.axes):
             self._attempt(node, path)
         else:
-            for longer in [p for p in self.paths[node.axes] if p[: len(path)] == path]:
+            for longer in self._longer(node, path):
                 self._attempt(node, longer)
 
     def _inputs(self, node: Node, path: ShardPath) -> dict[str, str] | None:
         """Outcomes of the inputs of a node shard; None when one is not known yet."""
-        found = {}
-        for name, source in node.inputs:
-            outcome = self.outcome.get((source, path[: len(self.graph.nodes[source].axes)]))
+        found, depth = {}, len(path)
+        for name, source, length in self._sources[node.id]:
+            outcome = self.outcome.get((source, path if length == depth else path[:length]))
             if outcome is None:
                 return None
             found[name] = outcome
@@ -219,18 +266,22 @@ class Walk:
 
     def _attempt(self, node: Node, path: ShardPath) -> None:
         inputs = self._inputs(node, path)
-        if inputs is None or self._attempted.get((node.id, path)) == inputs:
+        if inputs is None:
             return
-        self._attempted[node.id, path] = inputs
+        place, digests = (node.id, path), tuple(inputs.values())
+        if self._attempted.get(place) == digests:
+            return
+        self._attempted[place] = digests
         if node.partial:
             inputs = self._available(inputs)
-        if FAILED in inputs.values():
+            digests = tuple(inputs.values())
+        if FAILED in digests:
             self._blocked(node, path, inputs)
-        elif DEFERRED in inputs.values():
+        elif DEFERRED in digests:
             if node.sort == "stage":
                 self.listener.deferred(node, path)
             self.publish(node, path, DEFERRED)
-        elif UNKNOWN in inputs.values():
+        elif UNKNOWN in digests:
             if node.sort == "stage":
                 self.listener.pending(node, path)
             self.publish(node, path, UNKNOWN)
@@ -247,7 +298,9 @@ class Walk:
         return found if found or FAILED not in inputs.values() else inputs
 
     def _decide(self, task: Task) -> None:
-        output, reason = self.planner.decide(task)
+        place = task.node.id, task.path
+        demand = True if place in self._reopened else self._demands.get(task.node.id, False)
+        output, reason = self.planner.decide(task, demand)
         if reason is not None:
             self.listener.needed(task, reason)
             return
@@ -273,13 +326,18 @@ class Walk:
         siblings = {name for name, _ in elements}
         kept = [(name, digest) for name, digest in elements if self._wanted(node, path, name, siblings)]
         self._expanded[node.id].add(path)
+        paths = self.paths[node.axes]
         for name, _ in kept:
-            self.paths[node.axes][*path, name] = None
+            longer = *path, name
+            if longer not in paths:
+                paths[longer] = None
+                for length in range(len(longer)):
+                    self._below[node.axes, length][longer[:length]].append(longer)
+        self._dead = None if self._dead is None or self._doomed else self._dead
         for name, digest in kept:
             self.publish(node, (*path, name), digest)
-        for collector in self.nodes:
-            if collector.sort == "collect" and node.id in self.graph.nodes[collector.inputs[0][1]].axes:
-                self._collect(collector)
+        for collector in self._collectors[node.id]:
+            self._collect(collector)
 
     def _elements(self, node: Node, digest: str) -> tuple[tuple[str, str], ...]:
         children = self.planner.store.manifest(digest).children
@@ -303,8 +361,7 @@ class Walk:
 
     def _collect(self, node: Node) -> None:
         source = self.graph.nodes[node.inputs[0][1]]
-        paths = self.paths[source.axes]
-        if not self._complete(source.axes) or self._known[source.id] < len(paths):
+        if self._known[source.id] < len(self.paths[source.axes]) or not self._complete(source.axes):
             return
         outcomes = [(path, self.outcome[source.id, path]) for path in self._ordered(source.axes)]
         if any(outcome == UNKNOWN for _, outcome in outcomes):
@@ -344,25 +401,35 @@ class Walk:
 class PlanListener:
     """Listener that records what a run would do, and executes nothing.
 
-    A task that depends on an output which does not exist yet is pending.
+    A task that depends on an output which does not exist yet is pending. Producers of inputs whose bytes are gone are listed before
+    the task that needs them.
     """
 
     def __init__(self, planner: TaskPlanner) -> None:
         self._planner = planner
-        self.plans: list[TaskPlan] = []
         self.tasks: dict[tuple[str, str], Task] = {}
         self.walk: Walk
+        self._plans: dict[tuple[str, str], TaskPlan] = {}
+
+    @property
+    def plans(self) -> list[TaskPlan]:
+        """One plan for each task."""
+        return list(self._plans.values())
 
     def cached(self, task: Task, output: str) -> None:
         """Record the task with the reason of its last run."""
-        trace = self._planner.traces.get(task.key)
-        why, _, detail = (trace.reason if trace else "first run").partition(": ")
+        why, _, detail = self._planner.index.reason(task.key).partition(": ")
         self._add(task, "cached", Reason(why, detail), output)  # type: ignore[arg-type]
 
     def needed(self, task: Task, reason: Reason) -> None:
         """Record that the task would run."""
+        for digest in dict.fromkeys(lost for source in task.inputs.values() for lost in self._planner.store.lost(source)):
+            for (at, path), withdrawn in self.walk.reopen(digest).items():
+                if withdrawn:
+                    self.walk.retry(self.walk.graph.nodes[at], path)
         self._add(task, "run", reason)
-        self.walk.publish(task.node, task.path, UNKNOWN)
+        same = reason.why in LOSSES  # computing it again gives the same output
+        self.walk.publish(task.node, task.path, (self._planner.index.output(task.key) if same else None) or UNKNOWN)
 
     def blocked(self, node: Node, path: ShardPath, cause: str) -> None:
         """Raise AssertionError: nothing fails in a plan."""
@@ -374,8 +441,10 @@ class PlanListener:
 
     def pending(self, node: Node, path: ShardPath) -> None:
         """Record that the task may run, depending on the outputs above it."""
-        self.plans.append(TaskPlan(node.name, "/".join(path), "pending", Reason("upstream pending")))
+        shard = "/".join(path)
+        self._plans[node.name, shard] = TaskPlan(node.name, shard, "pending", Reason("upstream pending"))
 
     def _add(self, task: Task, status: str, reason: Reason, output: str = "") -> None:
-        self.tasks[task.node.name, task.shard] = task
-        self.plans.append(TaskPlan(task.node.name, task.shard, status, reason, task.key, output))  # type: ignore[arg-type]
+        place = task.node.name, task.shard
+        self.tasks[place] = task
+        self._plans[place] = TaskPlan(*place, status, reason, task.key, output)  # type: ignore[arg-type]

@@ -6,20 +6,20 @@ import os
 import signal
 import sys
 import threading
+from functools import partial
 from importlib.machinery import SOURCE_SUFFIXES, FileFinder, SourceFileLoader
 from importlib.util import cache_from_source
 from multiprocessing.connection import Connection
 from pathlib import Path
 from types import CodeType
 
-from runner.codec import resolve
-from runner.execute import LOADED, WorkerSpec, execute
+from runner.canonical import file_digest
+from runner.execute import LOADED, Workplace, execute
 from runner.files import stamp
-from runner.store import Store
 
 
-def main(jobs_fd: str, lifeline_fd: str, store: str, codec: str, worker: str, root: str, *schemas: str) -> None:
-    """Run jobs until the scheduler closes the connection.
+def main(jobs_fd: str, lifeline_fd: str) -> None:
+    """Run batches of jobs until the scheduler closes the connection; the first message is the worker's spec.
 
     `lifeline_fd` is a pipe whose other end only the scheduler holds, so that it closes when the scheduler dies. Output of
     stages and libraries goes to stderr; stdout belongs to the scheduler.
@@ -28,16 +28,23 @@ def main(jobs_fd: str, lifeline_fd: str, store: str, codec: str, worker: str, ro
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     threading.Thread(target=_die_with_parent, args=(int(lifeline_fd),), daemon=True).start()
-    load_from_source(Path(root))
-    jobs, spec = Connection(int(jobs_fd)), WorkerSpec(Path(store), codec, worker or None, Path(root), schemas)
-    opened = Store(spec.store, resolve(spec.codec))
+    jobs = Connection(int(jobs_fd))
+    spec, offsets = jobs.recv()
+    load_from_source(spec.root)
+    place = Workplace(spec, offsets)
     while True:
         try:
-            job = jobs.recv()
+            batch = jobs.recv()
         except EOFError:
-            opened.clean()
+            place.close()
             return
-        jobs.send(("done", execute(job, spec, opened, lambda done, total: jobs.send(("progress", done, total)))))
+        for job in batch:
+            jobs.send(("started", job.key, None))
+            jobs.send(("done", job.key, execute(job, place, partial(_report, jobs, job.key))))
+
+
+def _report(jobs: Connection, key: str, done: int, total: int) -> None:
+    jobs.send(("progress", key, (done, total)))
 
 
 def load_from_source(root: Path) -> None:
@@ -60,9 +67,9 @@ class _Loader(SourceFileLoader):
     def get_code(self, fullname: str) -> CodeType | None:
         """Use compiled code only if it was written after the last change of the source."""
         path = self.get_filename(fullname)
-        LOADED[path] = stamp(path)
+        LOADED[path] = stamp(path), file_digest(Path(path))
         try:
-            if os.stat(compiled := cache_from_source(path)).st_ctime_ns <= LOADED[path][3]:
+            if os.stat(compiled := cache_from_source(path)).st_ctime_ns <= LOADED[path][0][3]:
                 os.unlink(compiled)
         except FileNotFoundError:
             pass  # no compiled file yet

@@ -13,9 +13,12 @@ import pyarrow.parquet as pq
 import pytest
 from mcap.reader import make_reader
 
+from afford.codecs import CODEC
 from afford.recording.summary import summarise
 from maps.settings import Origin, Settings
 from pipeline import build
+from runner.index import Index
+from runner.store import Store
 from schemas.scene import SceneSpec
 from tests.helpers.command import KEYS, PER_CLIP, PER_RUN, RECORDED, Made, call
 from tests.helpers.tiny_source import FRAMES, VIDEOS, media, write_narrations, write_source
@@ -47,9 +50,9 @@ def is_whole(path: Path) -> bool:
 
 def blobs_of(made: Made, stage: str) -> list[Path]:
     """Blobs of a stage's outputs."""
-    traces = [json.loads(path.read_bytes()) for path in made.traces]
-    manifests = [trace["output"] for trace in traces if trace["stage"] == stage]
-    files = [json.loads((made.store / "manifests" / d[:2] / f"{d[2:]}.json").read_bytes())["files"] for d in manifests]
+    store = Store(made.store, CODEC)
+    outputs = [trace.output for trace in Index(made.store).all() if trace.stage == stage]
+    files = [store.manifest(digest).files for digest in outputs]
     return [made.store / "blobs" / blob[:2] / blob[2:] for entries in files for _, blob, *_ in entries]
 
 

@@ -21,9 +21,9 @@ from afford.common.kernel_cache import LOCATOR
 from afford.common.worker import FONT_FOLDER
 from runner import RunReport
 from runner.fingerprint import fingerprint
+from runner.index import Index, Trace
 from runner.modules import Modules
 from runner.store import Store, prepare_store
-from runner.traces import Trace, Traces
 from tests.helpers import impure_stages, landlock
 from tests.helpers.command import Made
 from tests.helpers.fonts import with_fonts
@@ -118,7 +118,7 @@ def test_stage_is_pure(stage: str, made: Made, filled: Callable[[Maker], Path], 
     store = filled(ELSEWHERE[stage]) if stage in ELSEWHERE else made.store
     if stage in COMPARED:
         store = request.getfixturevalue("benchmarked")
-    traces = one_of_each(Traces(store).all(), f"{MODULES[stage]}:run")
+    traces = one_of_each(Index(store).all(), f"{MODULES[stage]}:run")
     assert traces, f"no run of stages/{stage}.py to repeat: add it to a target of the tiny source"
     answers = replay(probe, list(map(task, traces)), sources(traces, modules), store, tmp_path)
     for trace, answer in zip(traces, answers, strict=True):
@@ -139,7 +139,7 @@ def test_impure_stages_are_detected(made: Made, probe: Server, tmp_path: Path) -
     """Each impure stage gives another output or is reported. Files that libraries open are seen with Landlock only."""
     store = Store(tmp_path / "store", CODEC)
     prepare_store(store.root)
-    trace = next(trace for trace in Traces(made.store).all() if trace.stage == "key_thin")
+    trace = next(trace for trace in Index(made.store).all() if trace.stage == "key_thin")
     clip = Store(made.store, CODEC).load(trace.inputs["clip"])
     given = {"clip": store.put_leaf(clip)}
     functions = [f"tests.helpers.impure_stages:{cheat.__name__}" for cheat in CHEATS]

@@ -18,8 +18,8 @@ from afford.extraction.complete.sam2 import complete
 from afford.extraction.tracks import BACKGROUND, UNKNOWN, Sam2
 from afford.extraction.tracks.sam2 import propagate
 from afford.models.sam2 import full_size, load_model, session, track, track_frames
+from runner.index import Index
 from runner.store import Store
-from runner.traces import Traces
 from schemas.masks import Entity, Tracks
 from schemas.video import Frames, Inpainted
 from tests.helpers.command import Called, Made
@@ -91,7 +91,7 @@ def test_pipeline_with_sam2(made: Made, model: Path, tmp_path: Path) -> None:
     first, second = (Path(shutil.copytree(model, tmp_path / name / "tiny")) for name in ("one", "two"))
     ran = dataset(mine, first, second).json["ran"]
     assert ran["mask_densify"] == ran["object_completion"] == 2 and ran["dataset_pack"] == 1 and not UNTOUCHED & ran.keys()
-    for trace in Traces(mine.store).all():
+    for trace in Index(mine.store).all():
         if trace.stage == "mask_densify" and trace.params["fields"]["backend"] == "sam2":
             tracks = Store(mine.store, CODEC).load(trace.output)
             assert tracks.masks.dtype == bool and tracks.masks.shape[1:] == (19, 96, 160)

@@ -80,7 +80,7 @@ def test_one_clip_of_many_needs_one_video(root: Path, tmp_path: Path) -> None:
 def test_a_plan_writes_nothing_down_of_what_it_has_not_read(root: Path, tmp_path: Path) -> None:
     """Stand-ins for digests are in no manifest and in no memory."""
     call("run", "dataset", "--source", root, "--store", tmp_path, "--dry-run", "--json")
-    assert not list((tmp_path / "manifests").rglob("*.json"))
+    assert not list((tmp_path / "traces").iterdir())
     assert ".tar" not in (tmp_path / ".cache" / "files.json").read_text()
 
 

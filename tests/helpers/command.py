@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline import main
+from runner.index import Index
 
 KEYS = {"target", "ran", "cached", "failed", "outputs", "metrics", "seconds"}
 RECORDED = ("source_read", "frame_decode", "mask_densify", "hand_inpaint", "object_completion", "affordance_intersect",
@@ -69,6 +70,6 @@ class Made:
         return call(verb, *words, *(["--source", self.source] if source else []), "--store", self.store)
 
     @property
-    def traces(self) -> set[Path]:
-        """Trace files, one per finished task."""
-        return set((self.store / "traces").glob("??/[!.]*.json"))
+    def traces(self) -> set[str]:
+        """Keys of all finished tasks."""
+        return set(Index(self.store).keys())

@@ -24,14 +24,14 @@ TOY = Path(__file__).parents[1].joinpath("toy_domain") / "toy"
 LIMIT_S = 30.0
 """a step on a toy store takes a second; one that needs this long does not end"""
 FIELD = re.compile(rb'"(\w+)":')
-CACHES = ("index", "manifests", "modules", "blobs", "files")
-KINDS = ("blob", "manifest", "composite", "trace", "code", "failure", *(f".cache/{name}" for name in CACHES))
-"""kinds of file in a store"""
-STORED = ("blob", "manifest", "composite", "trace")
+CACHES = ("index", "modules", "blobs", "files")
+KINDS = ("blob", "segment", "code", "failure", "format", *(f".cache/{name}" for name in CACHES))
+"""kinds of file in a store; a failure is a row of a segment"""
+STORED = ("blob", "segment")
 """kinds whose damage `verify` reports"""
-FORMER = ("trace", "blob")
+FORMER = ("segment", "blob")
 """kinds of which results of former code hold some that nothing uses any more"""
-NEVER_MADE = ("trace", "remove")
+NEVER_MADE = ("segment", "remove")
 """a task without a trace is one that was never finished"""
 DAMAGES = ("flip", "cut", "remove", "{}", "[]", "null", "field")
 MEASURE = '''"""A file outside the store -> its size"""
@@ -163,22 +163,18 @@ class FlippedStore:
         """Files of a kind."""
         if kind.startswith(".cache/"):
             found = self.store.glob(f"{kind}*")
-        elif kind == "code":
-            found = (self.store / "code").iterdir()
         else:
-            room = {"blob": "blobs", "trace": "traces", "failure": "failures"}.get(kind, "manifests")
-            found = (path for path in (self.store / room).glob("??/*") if not path.name.startswith("."))
-        paths = sorted(path for path in found if path.is_file())
-        if kind in ("manifest", "composite"):
-            composite = apart(self.composites)
-            paths = [path for path in paths if (path.parent.name + path.stem in composite) == (kind == "composite")]
-        return paths
+            found = self.store.glob({"blob": "blobs/??/*", "code": "code/*", "format": "format"}.get(kind, "traces/*"))
+        return sorted(path for path in found if path.is_file() and not path.name.startswith("."))
 
-    def composites(self) -> set[str]:
-        """Digests of tuples and bundles."""
-        runner, stored = self.runner(), (self.store / "manifests").glob("??/[!.]*")
-        digests = [path.parent.name + path.stem for path in stored]
-        return {digest for digest in digests if runner.children(digest) is not None}
+    def fill_caches(self) -> None:
+        """Write the index, and let every blob be hashed again, so that its new change time is remembered."""
+        for path in self.files("blob"):
+            path.chmod(0o400)
+            path.chmod(0o444)
+        runner = self.runner()
+        runner.run(self.graph(runner), "all")
+        runner.index.write()
 
 
 def damage(path: Path, how: str, rng: random.Random) -> str:
@@ -296,16 +292,16 @@ def settled(project: FlippedStore, kind: str, how: str, rng: random.Random) -> l
 
 
 def _former(project: FlippedStore, kind: str) -> list[Path]:
-    """Traces of previous tasks, or blobs with a text of previous code."""
+    """Segments without a present task, or blobs with a text of previous code."""
     if kind == "blob":
         return [path for path in project.files(kind) if b"!" in path.read_bytes()]
-    keys = apart(project.keys)
-    return [path for path in project.files(kind) if path.parent.name + path.stem not in keys]
+    keys = [key.encode() for key in apart(project.keys)]
+    return [path for path in project.files(kind) if not any(key in path.read_bytes() for key in keys)]
 
 
 def built(folder: Path, kind: str) -> FlippedStore:
     """Finished store that holds files of a kind, with every cache written and valid."""
     project = FlippedStore(folder, ("ab", "cd", "bad") if kind == "failure" else ("ab", "cd")).write()
-    for _ in range(2):
-        apart(project.run)
+    apart(project.run)
+    apart(project.fill_caches)
     return project

@@ -161,8 +161,10 @@ def test_a_store_of_a_former_version_is_refused(tmp_path: Path, monkeypatch: pyt
     code, g = ROOT / "tests" / "toy_domain", Graph()
     g.target("all", g.add(split.run, word=g.leaf("w", Word("w", "ab")), params=split.Params()))
     with monkeypatch.context() as former:
-        former.setattr("runner.files.FORMAT", "afford-store-2")
-        former.setattr("runner.runner.FORMAT", "afford-store-2")
+        former.setattr("runner.store.FORMAT", "afford-store-2")
         assert Runner(tmp_path / "store", code, "toy.values:CODEC", jobs=0).run(g, "all").ok
-    with pytest.raises(StoreError, match=r"previous format \(expected afford-store-3, got afford-store-2\).*; delete it"):
+    with pytest.raises(StoreError, match=r"another format \(expected afford-store-4, got afford-store-2\); delete it"):
         Runner(tmp_path / "store", code, "toy.values:CODEC", jobs=0)
+    (tmp_path / "older" / "manifests").mkdir(parents=True)
+    with pytest.raises(StoreError, match="got a previous one"):
+        Runner(tmp_path / "older", code, "toy.values:CODEC", jobs=0)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from contextlib import nullcontext
 from pathlib import Path
@@ -54,7 +53,7 @@ def test_a_damaged_input_is_made_again_and_its_consumer_runs(form: str, jobs: in
     """The cache reports every blob as valid, as after damage during a run; the outputs are still right."""
     first = project.runner(jobs).run(forms(), form)
     runner = project.runner(jobs)
-    runner.store._verified_blobs.same = lambda blob, path: os.stat(path).st_size > 0  # type: ignore[method-assign]
+    runner.store._verified_blobs.same = lambda blob, found: found.st_size > 0  # type: ignore[method-assign]
     for path in sorted((project.store / "blobs").glob("??/*")):
         flip(path)
     report = runner.run(forms(), form, force=[CONSUMERS[form]])
@@ -67,13 +66,13 @@ def test_a_list_whose_manifest_is_gone_is_listed_again(project: Project) -> None
     """The list has no producing stage, and is rebuilt from its elements."""
     first = project.runner().run(forms(), "collect")
     runner = project.runner()
-    trace = runner.traces.last("join_collect", "")
+    trace = runner.index.last("join_collect", "")
     assert trace is not None
-    runner.store.find(trace.inputs["words"])
-    found, runner.store.renew = runner.store.find, lambda: None  # type: ignore[method-assign]
-    runner.store.path("manifests", trace.inputs["words"], ".json").unlink()
-    report = runner.run(forms(), "collect", force=["join_collect"])
-    assert report.ok and report.outputs == first.outputs and found(trace.inputs["words"]) is not None
+    for path in (project.store / "traces").iterdir():
+        rows = [line for line in path.read_bytes().splitlines(True) if f'"artifact","{trace.inputs["words"]}'.encode() not in line]
+        path.write_bytes(b"".join(rows))
+    report = project.runner().run(forms(), "collect", force=["join_collect"])
+    assert report.ok and report.outputs == first.outputs and project.runner().store.find(trace.inputs["words"]) is not None
 
 
 def test_an_outcome_that_is_withdrawn_is_not_propagated(project: Project) -> None:
@@ -86,7 +85,7 @@ def test_an_outcome_that_is_withdrawn_is_not_propagated(project: Project) -> Non
     split = next(node for node in graph.stages() if node.name == "split")
     digest = walk.outcome[split.id, ()]
     walk.publish(split, (), digest)
-    assert walk.reopen(digest) == [(split.id, ())]
+    assert walk.reopen(digest) == {(split.id, ()): True}
     walk.follow()
     assert (split.id, ()) not in walk.outcome
 
@@ -97,9 +96,11 @@ class ScriptedEngine:
     def __init__(self, *rounds: Callable[[list[Job]], list[JobResult]]) -> None:
         self.rounds, self.jobs = list(rounds), list[Job]()
 
-    def submit(self, job: Job) -> None:
-        """Queue the job."""
-        self.jobs.append(job)
+    own_placement, window = False, 1
+
+    def submit(self, jobs: list[Job], gpus: tuple[str, ...] = ()) -> None:
+        """Queue the jobs."""
+        self.jobs += jobs
 
     def wait(self, patience_s: float) -> list[tuple[str, str, object]]:
         """Results of the next round; the last one repeats."""

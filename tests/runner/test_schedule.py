@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from toy import join, shout, split, wide
+from toy import join, pair, shout, split, wide
 from toy.values import Word
 from toy_project import Project, text
 
@@ -13,7 +13,8 @@ from runner import Graph
 from runner.engines import Inline
 from runner.keys import CodeFingerprints
 from runner.report import Reason, RunReport, SilentObserver
-from runner.schedule import MAX_OVERTAKES, Budget, Limit, Schedule
+from runner.resources import Budget
+from runner.schedule import MAX_OVERTAKES, Limit, Schedule
 from runner.task_planner import TaskPlanner
 from runner.walk import Walk
 
@@ -100,3 +101,15 @@ def test_priority_tasks_precede_those_behind_a_collect(tmp_path: Path) -> None:
         order.append([line.split()[1] for line in mine.log.read_text().splitlines()])
     assert order[0][:2] == ["w0", "w1"] and order[1][0] == "book"
     assert sorted(order[0]) == sorted(order[1])
+
+
+@pytest.mark.parametrize("jobs", [0, 2])
+def test_equal_tasks_of_many_shards_run_once(jobs: int, project: Project) -> None:
+    """Each part of a word repeats the word itself: one task for all of them, whether they wait for it or come later."""
+    g = Graph()
+    word = g.each(g.leaf("words", (Word("w", "ab"),)))
+    part = g.each(g.add(split.run, word=word, params=split.Params(parts=4)))
+    g.target("all", g.add(pair.run, word=g.each(g.finished("both", (word, part)))))
+    report = project.runner(jobs).run(g, "all")
+    assert report.ok and (report.ran["pair"], report.cached["pair"]) == (5, 3)
+    assert project.executed() == {"split": 1, "pair": 5}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from toy_project import graph  # noqa: E402
 
 from runner import Runner  # noqa: E402
 
-runner = Runner(Path(store), Path(code), "toy.values:CODEC", None, jobs=int(jobs))
+runner = Runner(Path(store), Path(code), "toy.values:CODEC", None, jobs=int(jobs), remote=os.environ.get("TOY_REMOTE"))
 report = runner.run(graph(*words, params=shout.Params(sleep_s=float(sleep_s))), "all")
 sys.stdout.write(f"{sum(report.ran.values())} {sum(report.cached.values())}\n")
 sys.exit(0 if report.ok else 1)
