@@ -32,6 +32,10 @@ Remote = Annotated[str | None, typer.Option("--remote", envvar="AFFORD_REMOTE", 
                                             "that several hosts share: s3://, az://, gs://, file:// or a path")]  # fmt: skip
 Model = Annotated[Path | None, typer.Option("--model", help="folder of a trained model; default: the model trained last")]
 Device = Annotated[str, typer.Option(help="cpu or cuda")]
+Engine = Annotated[str | None, typer.Option(help="inline (in this process), pool (worker processes) or ray; default: pool",
+                                            show_default=False)]  # fmt: skip
+Address = Annotated[str | None, typer.Option(help="Ray cluster, HOST:PORT or auto; default: a private one on this machine",
+                                             show_default=False)]  # fmt: skip
 Json = Annotated[bool, typer.Option("--json", help="print one JSON object as the last line")]
 
 
@@ -63,6 +67,8 @@ def run(
                                                 "default: yes", show_default=False)] = None,
     force: Annotated[list[str] | None, typer.Option(help="run this stage even if cached (repeatable)")] = None,
     jobs: Annotated[int | None, typer.Option(help="worker processes; default: one per core; 0: none")] = None,
+    engine: Engine = None,
+    address: Address = None,
     minutes: Annotated[float | None, typer.Option(min=0, help="time limit, after which optional parts are deferred to the next "
                                                   "run; default: inf (none), for grasp-full and sor3d-ablation 75")] = None,
     store: Store = None,
@@ -75,7 +81,7 @@ def run(
 ) -> None:
     """Run a target; results are cached by code, parameters and inputs."""
     request = _request(target, source, clip, set_, params, store, json, only=only, force=force, jobs=jobs, rehash=rehash,
-                       minutes=minutes, replace=replace, record=record, remote=remote)
+                       minutes=minutes, replace=replace, record=record, remote=remote, engine=engine, address=address)
     if dry_run:
         from commands.store import dry_run as plan
 

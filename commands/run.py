@@ -18,7 +18,7 @@ from commands.only import publish_recordings, record, run_only
 from commands.origin import NEEDED
 from commands.outputs import Publisher, collect_metrics, partial_outputs, publish_outputs
 from commands.progress import ProgressObserver, observer
-from commands.session import digester, open_runner
+from commands.session import EngineChoice, digester, open_runner
 from commands.settings import columns
 from commands.summary import Summary, show_inspect_hints, show_summary
 from commands.target_graphs import graph_of_request, resolve_stages, resolve_target
@@ -54,6 +54,10 @@ class Request:
     """URL of a store that several hosts share; None: AFFORD_REMOTE"""
     record: bool | None = None
     """with `only`: record the outputs of the stages; None: yes"""
+    engine: str | None = None
+    """inline, pool or ray"""
+    address: str | None = None
+    """Ray cluster; None: a private one"""
 
 
 @dataclass
@@ -108,7 +112,8 @@ def run(request: Request) -> int:
     target = resolve_target(request.target, request.only)
     _check(request, target)
     chosen = columns(request.sets, request.params)
-    runner = open_runner(request.store, request.jobs, request.rehash, remote=request.remote)
+    placing = EngineChoice(request.engine, request.address)
+    runner = open_runner(request.store, request.jobs, request.rehash, remote=request.remote, engine=placing)
     weighted = {name: resolve_weights(column, digester(runner)) for name, column in chosen.items()}
     graph, names, place, source = graph_of_request(target, request.source, request.clips, request.sets, weighted, digester(runner))
     stages = resolve_stages([request.only] if request.only else [], target, graph)

@@ -5,14 +5,18 @@ from __future__ import annotations
 import os
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 from afford.common.kernel_cache import use_kernel_cache
 from afford.common.worker import use_font_cache
 from commands.errors import UsageError
 from runner import Runner, is_store
+from runner.execute import WorkerSpec
 
 ROOT = Path(__file__).resolve().parent.parent
 STORE = ROOT / "artifacts"
@@ -28,10 +32,51 @@ def cores() -> int:
 
 
 DEFAULT_JOBS = cores()
+ENGINES = ("inline", "pool", "ray")
+
+
+@dataclass(frozen=True)
+class EngineChoice:
+    """Engine of a run by its name, and the address of a Ray cluster (None: a private one)."""
+
+    name: str | None = None
+    address: str | None = None
+
+    def factory(self, jobs: int | None) -> Callable[..., Any] | None:
+        """Maker of the engine; None for the usual one. UsageError when the options do not fit together, or Ray is missing."""
+        if self.name not in (None, *ENGINES):
+            raise UsageError(f"--engine {self.name}: expected {', '.join(ENGINES)}")
+        if self.address is not None and self.name != "ray":
+            raise UsageError("--address: works only with --engine ray")
+        if self.name == "inline" and jobs:
+            raise UsageError(f"--jobs {jobs}: --engine inline has no worker processes; leave one of the two out")
+        if self.name == "pool" and jobs == 0:
+            raise UsageError("--jobs 0: --engine pool needs worker processes; leave one of the two out")
+        return ray_factory(self.address, jobs or DEFAULT_JOBS) if self.name == "ray" else None
+
+
+def ray_factory(address: str | None, jobs: int) -> Callable[..., Any]:
+    """Maker of a Ray engine, which raises UsageError when the cluster does not answer.
+
+    A private cluster has these cores, and the memory limit of a run on this machine.
+    """
+    from runner.ray_engine import MISSING, RayEngine, RayError
+
+    if find_spec("ray") is None:
+        raise UsageError(MISSING)
+    own: dict[str, Any] = {} if address else {"jobs": jobs, "memory_gib": _memory_gib()}
+
+    def make(spec: WorkerSpec, offsets: Mapping[str, int]) -> RayEngine:
+        try:
+            return RayEngine(spec, offsets, address, **own)
+        except RayError as error:
+            raise UsageError(f"--engine ray: {error}") from error
+
+    return make
 
 
 def open_runner(store: Path | None = None, jobs: int | None = None, rehash: bool = False, plan_only: bool = False,
-                remote: str | None = None) -> Runner:  # fmt: skip
+                remote: str | None = None, engine: EngineChoice | None = None) -> Runner:  # fmt: skip
     """Open a runner; StoreError when the store cannot be written to, UsageError when it is a file or `remote` is no valid URL.
 
     Its memory limit is the free memory at the start, less a margin. `plan_only`: large files that were never hashed are not
@@ -41,6 +86,9 @@ def open_runner(store: Path | None = None, jobs: int | None = None, rehash: bool
     there = next(path for path in (folder, *folder.parents) if os.path.exists(path))
     if not there.is_dir():
         raise UsageError(f"--store {folder}: {there} is a file; name a folder")
+    choice = engine or EngineChoice()
+    factory = choice.factory(jobs)
+    jobs = 0 if choice.name == "inline" else jobs
     use_kernel_cache(folder)
     use_font_cache(folder)
     url = remote or os.environ.get("AFFORD_REMOTE") or None
@@ -48,7 +96,7 @@ def open_runner(store: Path | None = None, jobs: int | None = None, rehash: bool
         _show_plainly()
     try:
         return Runner(folder, ROOT, CODEC, WORKER, jobs=DEFAULT_JOBS if jobs is None else jobs, memory_gib=_memory_gib(),
-                      rehash=rehash, plan_only=plan_only, remote=url)
+                      rehash=rehash, plan_only=plan_only, remote=url, engine=factory)
     except ValueError as error:
         if not url:
             raise

@@ -47,6 +47,8 @@ class JobSpec:
     resources: Resources
     timeout_s: float
     """the shard fails after so long without progress; 0 for no limit"""
+    machine: str
+    """kind of machine, for stages that declare MACHINE; '' for all others"""
     sources: tuple[Source, ...]
 
     @cached_property

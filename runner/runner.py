@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from difflib import get_close_matches
 from pathlib import Path
@@ -42,15 +42,17 @@ class Runner:
 
     remote: URL of a store that several hosts share, see docs/remote.md.
 
+    engine: called with (worker spec, offsets of the segments) for another engine than a pool of `jobs` processes.
+
     StoreError when `store` cannot be written to, or has a previous format; ValueError for a URL that cannot be used.
     """
 
     def __init__(self, store: Path, root: Path, codec: str, worker: str | None = None, jobs: int = 1, memory_gib: float = 4.0,
                  rehash: bool = False, schemas: tuple[str, ...] = ("schemas",), plan_only: bool = False,
-                 remote: str | None = None) -> None:
+                 remote: str | None = None, engine: Callable[..., Engine] | None = None) -> None:  # fmt: skip
         store, self.root = store.absolute(), root.absolute()
         prepare_store(store)
-        self._budget = Budget(jobs, memory_gib, scratch=store / "scratch")
+        self._budget, self._engine = Budget(jobs, memory_gib, scratch=store / "scratch"), engine
         self.index = Index(store)
         self._remote, self._shared = self._open(remote, store)
         self.worker_spec = WorkerSpec(store, codec, worker, self.root, schemas, remote, self.index.session,
@@ -202,7 +204,7 @@ class Runner:
         with terminating():
             self._join()
             lease = self._share()
-            kind = Pool if self._budget.jobs else Inline
+            kind = self._engine or (Pool if self._budget.jobs else Inline)
             engine: Engine = kind(self.worker_spec, self.index.offsets())
             try:
                 yield engine
@@ -296,8 +298,10 @@ class Runner:
     def _add_costs(self, report: RunReport) -> None:
         """Add CPU seconds and peak memory of all tasks that the run used."""
         for stage, shards in report.used.items():
-            for shard, key in shards.items():
-                report.cpu_s[stage, shard], _, report.peak_mib[stage, shard] = self.index.cost(key)
+            places = [(stage, shard) for shard in shards]
+            cpu_s, peak_mib = self.index.costs(shards.values())
+            report.cpu_s.update(zip(places, cpu_s, strict=True))
+            report.peak_mib.update(zip(places, peak_mib, strict=True))
 
     def _limit(self, graph: Graph, target: Any, end: float) -> Limit:
         optional = graph.optional(self._wanted(graph, target))

@@ -31,6 +31,8 @@ from runner.task_planner import ShardPath, Task, TaskPlanner
 from runner.walk import DEFERRED, FAILED, NodeShard, Walk
 
 POLL_S = 0.05
+SHARED_POLL_S = 0.5
+"""time between two tries of a task that another host executes"""
 BATCH_S = 1.0
 """work that is sent to a worker at a time"""
 MAX_BATCH = 1000
@@ -244,7 +246,8 @@ class Schedule:
     def _batch(self, task: Task, reason: Reason) -> list[tuple[Task, Reason]]:
         """Take further ready tasks of the stage, about a second of work in all."""
         batch, keys, node = [(task, reason)], {task.key}, task.node.id
-        count = self._paces.setdefault(node, _Pace()).batch(self._ready_of[node] + 1, self._budget.jobs)
+        workers = self._engine.window if self._engine.own_placement else self._budget.jobs
+        count = self._paces.setdefault(node, _Pace()).batch(self._ready_of[node] + 1, workers)
         while len(batch) < count and self._ready and self._ready[0][2].node.id == node:
             _, _, other, why = self._pop()
             if other.key in keys:
@@ -334,7 +337,8 @@ class Schedule:
         elif done.status == "cached":
             self._made_elsewhere(task, reason)
         elif done.status == "busy":
-            self._parked.append((time.monotonic() + POLL_S, task, reason))
+            patience = POLL_S if self._planner.shared is None else SHARED_POLL_S
+            self._parked.append((time.monotonic() + patience, task, reason))
         elif done.status == "lost":
             self._heal(task, done)
         elif done.status == "died":

@@ -209,16 +209,18 @@ class TaskPlanner:
             self._jobs[node.id] = JobSpec(
                 stage=node.name, function=spec.function, params=hide_unselected(node.params, spec.blocks), params_tree=spec.params,
                 wants_ctx=node.wants_ctx, code=spec.code.digest, libraries=spec.libraries, threads=spec.threads,
-                resources=spec.resources, timeout_s=spec.timeout_s, sources=spec.sources)
+                resources=spec.resources, timeout_s=spec.timeout_s, machine=spec.machine, sources=spec.sources)
         return self._jobs[node.id]
 
     def _schemas(self, inputs: Mapping[str, str]) -> tuple[dict[str, str], str]:
         """Schema versions of the inputs, and their text in the key."""
-        kinds = frozenset[str]().union(*map(self.store.kinds, inputs.values()))
-        if kinds not in self._schemas_of:
+        found = [self.store.kinds(digest) for digest in inputs.values()]
+        kinds = found[0] if len(found) == 1 else frozenset[str]().union(*found)
+        known = self._schemas_of.get(kinds)
+        if known is None:
             schemas = {kind: self._version(kind) for kind in sorted(kinds)}
-            self._schemas_of[kinds] = schemas, schema_text(schemas)
-        return self._schemas_of[kinds]
+            known = self._schemas_of[kinds] = schemas, schema_text(schemas)
+        return known
 
     def _version(self, kind: str) -> str:
         if kind not in self._versions:
