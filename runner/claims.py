@@ -43,12 +43,14 @@ class Claims:
     used, every claim is held: hosts that cannot coordinate execute a task each, with the same result.
     """
 
-    def __init__(self, remote: Remote, owner: str = "", beat_s: float = BEAT_S, expiry_s: float = EXPIRY_S,
-                 busy_s: float = BUSY_S, clock: Callable[[], float] = time.monotonic, machine: str = "") -> None:  # fmt: skip
+    def __init__(self, remote: Remote, owner: str = "", beat_s: float | None = None, expiry_s: float | None = None,
+                 busy_s: float | None = None, clock: Callable[[], float] = time.monotonic, machine: str = "") -> None:  # fmt: skip
         self._remote, self._objects = remote, remote.objects
         self.machine = machine or machine_name()
         self.owner = owner or f"{self.machine}.{os.getpid()}.{uuid.uuid4().hex[:12]}"
-        self._beat_s, self._expiry_s, self._busy_s, self._clock = beat_s, expiry_s, busy_s, clock
+        self._beat_s = BEAT_S if beat_s is None else beat_s
+        self._expiry_s = EXPIRY_S if expiry_s is None else expiry_s
+        self._busy_s, self._clock = BUSY_S if busy_s is None else busy_s, clock
         self._numbers: dict[str, int] = {}
         """key -> number of the claim of this process"""
         self._busy: dict[str, float] = {}

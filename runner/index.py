@@ -12,11 +12,13 @@ memory.
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import time
 from array import array
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -131,11 +133,12 @@ class Index:
 
     def load(self, cached: bool = True) -> None:
         """Read the saved index and the rows added since; all rows if the saved index does not fit, or with cached=False."""
-        self._clear()
-        saved = read_cache(self._cache) if cached else {}
-        if saved and self._fits(saved):
-            self._restore(saved)
-        self.refresh()
+        with no_collection():
+            self._clear()
+            saved = read_cache(self._cache) if cached else {}
+            if saved and self._fits(saved):
+                self._restore(saved)
+            self.refresh()
 
     def _fits(self, saved: dict[str, Any]) -> bool:
         """Return True while every segment of the saved index is there, and unchanged or longer."""
@@ -198,6 +201,10 @@ class Index:
         torn = start + len(data) < size
         if torn and name != self.writer.name:
             self.damaged.setdefault(name, 1)
+
+    def outdated(self) -> bool:
+        """Return True when a segment that the index has read is gone: its rows were rewritten."""
+        return not self._offsets.keys() <= set(segment_names(self.root))
 
     def ingest(self, rows: bytes, segment: str, start: int) -> None:
         """Take rows that a writer has appended to its segment at an offset; the offset advances if nothing is between."""
@@ -361,6 +368,11 @@ class Index:
         row = self._rows.get(key)
         return None if row is None else self._outputs[row]
 
+    def costs(self, keys: Iterable[str]) -> tuple[list[float], list[float]]:
+        """CPU seconds, and peak MiB, of the tasks with these keys; all have traces."""
+        rows, numbers = [NUMBERS * self._rows[key] for key in keys], self._numbers
+        return [numbers[row] for row in rows], [numbers[row + 2] for row in rows]
+
     def cost(self, key: str) -> tuple[float, float, float]:
         """(CPU seconds, wall seconds, peak MiB) of the task with this key; zeros without a trace."""
         row = self._rows.get(key)
@@ -412,6 +424,10 @@ class Index:
         """All keys with a trace."""
         return list(self._rows)
 
+    def results(self) -> Iterator[tuple[str, str]]:
+        """Yield (stage, output) of every trace, those that were read first first."""
+        return ((self._stages[row], self._outputs[row]) for row in self._rows.values())
+
     def shards(self, stage: str) -> dict[str, str]:
         """Map each shard of a stage to the key of its last use."""
         keys = list(self._rows)
@@ -462,6 +478,18 @@ class Index:
         """Failures without a later success."""
         fields = ("key", "stage", "shard", "message", "traceback")
         return [dict(zip(fields, row, strict=False)) for _, row in sorted(self._failures.items())]
+
+
+@contextmanager
+def no_collection() -> Iterator[None]:
+    """Pause Python's search for reference cycles, which takes long while very many objects are created."""
+    was_on = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_on:
+            gc.enable()
 
 
 def artifact_row(digest: str, manifest: Manifest) -> list[Any]:

@@ -31,6 +31,8 @@ from runner.task_planner import ShardPath, Task, TaskPlanner
 from runner.walk import DEFERRED, FAILED, NodeShard, Walk
 
 POLL_S = 0.05
+SHARED_POLL_S = 0.5
+"""time between two tries of a task that another host executes"""
 BATCH_S = 1.0
 """work that is sent to a worker at a time"""
 MAX_BATCH = 1000
@@ -335,7 +337,8 @@ class Schedule:
         elif done.status == "cached":
             self._made_elsewhere(task, reason)
         elif done.status == "busy":
-            self._parked.append((time.monotonic() + POLL_S, task, reason))
+            patience = POLL_S if self._planner.shared is None else SHARED_POLL_S
+            self._parked.append((time.monotonic() + patience, task, reason))
         elif done.status == "lost":
             self._heal(task, done)
         elif done.status == "died":
@@ -354,6 +357,7 @@ class Schedule:
         increment(self.report.ran, task.node.name)
         self._executed.add(task.key)
         self._use(task)
+        self.report.peak_mib[task.node.name, task.shard] = done.peak_mib
         self._observer.finished(task.node.name, task.shard, "ran", done.wall_s, done.cpu_s, "")
         self._planner.store.forget(done.output)
         self.walk.publish(task.node, task.path, done.output)

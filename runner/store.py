@@ -87,6 +87,7 @@ class Store:
         """blobs that neither this store nor the remote one has"""
         self._valid: set[str] = set()
         """plain artifacts whose files were found unchanged since `renew`"""
+        self._kinds: dict[str, frozenset[str]] = {}
         self._planned: dict[str, Manifest] = {}
         """manifests of a plan, which writes nothing"""
         self._recent: dict[str, object] = {}
@@ -251,7 +252,8 @@ class Store:
         """Schemas that occur in an artifact."""
         body = self.catalog.body(digest)
         if body is not None and body[:1] != "[":
-            return frozenset((body.partition("\t")[0],))
+            kind = body.partition("\t")[0]
+            return self._kinds.get(kind) or self._kinds.setdefault(kind, frozenset((kind,)))
         return frozenset(found.kind for _, found in self.closure(digest) if found)
 
     def files(self, digest: str) -> dict[str, Path]:
@@ -368,6 +370,8 @@ class Store:
 
     def _plain_state(self, body: str) -> str:
         fields, worst = body.split("\t"), "ok"
+        if len(fields) == 5:  # one file, as most artifacts have
+            return self._blob_state(fields[2], int(fields[3]), int(fields[4]))
         for at in range(1, len(fields), 4):
             blob = fields[at + 1]
             state = self._blob_state(blob, int(fields[at + 2]), int(fields[at + 3]))

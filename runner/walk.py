@@ -12,6 +12,7 @@ from difflib import get_close_matches
 from typing import Protocol
 
 from runner.graph import Graph, Node
+from runner.index import no_collection
 from runner.report import Reason, TaskPlan
 from runner.task_planner import Demand, ShardPath, Task, TaskPlanner
 
@@ -152,16 +153,17 @@ class Walk:
 
     def begin(self) -> None:
         """Read the code of every stage, store the leafs, and propagate everything that is known."""
-        for node in self.nodes:
-            if node.sort == "stage":
-                self.planner.spec(node)
-        for node in self.nodes:
-            if node.sort == "leaf":
-                self.publish(node, (), self._leaf(node))
-        for node in self.nodes:
-            if node.sort in ("stage", "gather") and not node.inputs:
-                self._attempt(node, ())
-        self.follow()
+        with no_collection():
+            for node in self.nodes:
+                if node.sort == "stage":
+                    self.planner.spec(node)
+            for node in self.nodes:
+                if node.sort == "leaf":
+                    self.publish(node, (), self._leaf(node))
+            for node in self.nodes:
+                if node.sort in ("stage", "gather") and not node.inputs:
+                    self._attempt(node, ())
+            self.follow()
 
     def publish(self, node: Node, path: ShardPath, outcome: str) -> None:
         """Set the outcome of a node shard; `follow` propagates it."""

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 import os
+import random
 import signal
 import subprocess
 import sys
+import threading
 import uuid
 from collections import Counter
 from collections.abc import Iterator
@@ -16,6 +19,7 @@ from toy import shout
 from toy_project import HERE, Project, graph, text, wait_until
 
 from runner import RunReport, StoreError
+from runner import claims as claims_module
 from runner import objects as objects_module
 from runner.objects import open_objects
 from runner.remote import RemoteWarning, blob_name, queued
@@ -155,6 +159,57 @@ def test_a_claim_of_a_finished_task_without_rows_does_not_block(url: str, tmp_pa
     objects.delete([f"traces/{name}" for name in objects.list("traces")])
     executed(one)
     assert run(two, url).outputs == first.outputs and executed(two) == TASKS
+
+
+def test_a_dead_host_elsewhere_gives_its_task_back(url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A host elsewhere holds a key: while its heartbeat grows, everything else is executed; when it stops, that task is, too."""
+    monkeypatch.setattr(claims_module, "EXPIRY_S", 1.0)
+    monkeypatch.setattr(claims_module, "BUSY_S", 0.05)
+    alone, one = hosts(tmp_path, 2)
+    first = alone.run(*WORDS)
+    key = first.used["shout"]["w0/w0.0"]
+    executed(alone)
+    objects, stop, others_done = open_objects(url), threading.Event(), PARTS - 1
+    objects.create("hosts/elsewhere.1.00", b"0")
+    objects.create(f"leases/{key}/1", b'{"owner": "elsewhere.1.00", "done": false}')
+
+    def beat() -> None:
+        for number in itertools.count(1):
+            objects.put("hosts/elsewhere.1.00", str(number).encode())
+            if stop.wait(0.05):
+                return
+
+    def watch() -> None:
+        wait_until(lambda: one.log.exists() and one.log.read_text().count("pair") == others_done, 60)
+        stop.set()
+
+    threads = [threading.Thread(target=beat), threading.Thread(target=watch)]
+    for thread in threads:
+        thread.start()
+    report = run(one, url)
+    assert stop.is_set() and report.ok and report.outputs == first.outputs and executed(one) == TASKS
+    for thread in threads:
+        thread.join()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_random_damage_of_the_remote_is_healed(url: str, tmp_path: Path, seed: int) -> None:
+    """Flips, cuts, insertions and deletions of a third of all objects: a fresh host has the outputs of a clean build."""
+    one, two, three = hosts(tmp_path, 3)
+    open_objects(url).put("hosts/elsewhere.1.00", b"0")  # an active run, so that claims stay
+    first, draw, objects = run(one, url), random.Random(seed), open_objects(url)
+    names = [f"{place}/{name}" for place in ("blobs", "traces", "leases") for name in objects.list(place)]
+    for name in draw.sample(names, len(names) // 3):
+        data = objects.get(name) or b""
+        at = draw.randrange(len(data) + 1)
+        flipped = data[:at] + bytes([draw.randrange(256)]) + data[at + 1 :]
+        changed = draw.choice([flipped, data[:at], data[:at] + b"\n" + data[at:], None])
+        objects.delete([name]) if changed is None else objects.put(name, changed)
+    report = run(two, url)
+    assert report.ok and report.outputs == first.outputs
+    assert two.runner(remote=url).run(graph(*WORDS), "all", force=["join"]).ok and text(two, report) == text(one, first)
+    again = run(three, url, force=("join",))
+    assert again.ok and again.outputs == first.outputs and text(three, again) == text(one, first)
 
 
 def test_a_run_without_its_remote_continues(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
