@@ -202,6 +202,10 @@ class Index:
         if torn and name != self.writer.name:
             self.damaged.setdefault(name, 1)
 
+    def outdated(self) -> bool:
+        """Return True when a segment that the index has read is gone: its rows were rewritten."""
+        return not self._offsets.keys() <= set(segment_names(self.root))
+
     def ingest(self, rows: bytes, segment: str, start: int) -> None:
         """Take rows that a writer has appended to its segment at an offset; the offset advances if nothing is between."""
         number = self._number(segment)
@@ -418,6 +422,10 @@ class Index:
     def keys(self) -> list[str]:
         """All keys with a trace."""
         return list(self._rows)
+
+    def results(self) -> Iterator[tuple[str, str]]:
+        """Yield (stage, output) of every trace, those that were read first first."""
+        return ((self._stages[row], self._outputs[row]) for row in self._rows.values())
 
     def shards(self, stage: str) -> dict[str, str]:
         """Map each shard of a stage to the key of its last use."""
