@@ -122,6 +122,7 @@ def explain(
     source: SourceDir = None,
     set_: Sets = None,
     params: ParamsFile = None,
+    every: Annotated[bool, typer.Option("--all", help="list each task, also of more than 300; default: groups of them")] = False,
     store: Store = None,
     remote: Remote = None,
     json: Json = False,
@@ -129,7 +130,7 @@ def explain(
     """Explain the next or last run of each task of a stage."""
     from commands.store import explain as show
 
-    raise typer.Exit(show(_request(target, source, None, set_, params, store, json, only=stage, remote=remote), clip))
+    raise typer.Exit(show(_request(target, source, None, set_, params, store, json, only=stage, remote=remote), clip, every))
 
 
 @app.command()
@@ -166,14 +167,30 @@ def verify(store: Store = None, json: Json = False) -> None:
 
 @app.command()
 def gc(
+    keep_last: Annotated[int, typer.Option(min=1, help="keep the results of the last N keys (code, parameters, inputs) of every "
+                                           "clip and stage, by their last use")] = 1,
+    older_than: Annotated[float, typer.Option(min=0, help="also keep results that were used in the last N days")] = 0.0,
+    drop: Annotated[list[str] | None, typer.Option(help="STAGE,...: delete the bytes of these stages, and keep their results as "
+                                                   "known: they are computed again only if something needs them; published files, "
+                                                   "and bytes that other kept results have, stay")] = None,
     store: Store = None,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="count the files that would be deleted, delete nothing")] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="count files and bytes by stage, delete nothing")] = False,
     json: Json = False,
 ) -> None:
-    """Delete everything that the last use of every clip does not reach."""
+    """Delete what the last use of every clip does not reach, and runs beyond the last 1,000 or older than 90 days."""
     from commands.store import gc as sweep
+    from runner.garbage import Rules
 
-    raise typer.Exit(sweep(store, dry_run, json))
+    stages = tuple(name.strip() for word in drop or () for name in word.split(",") if name.strip())
+    raise typer.Exit(sweep(store, Rules(keep_last, older_than, stages), dry_run, json))
+
+
+@app.command()
+def du(store: Store = None, json: Json = False) -> None:
+    """Show the disk usage of the store by stage; every stored file is counted once."""
+    from commands.store import du as show
+
+    raise typer.Exit(show(store, json))
 
 
 @app.command()
@@ -326,6 +343,60 @@ def demo(
     from commands.demo import demo as serve
 
     raise typer.Exit(serve(host, port, model, device, store))
+
+
+runs_verbs = typer.Typer(invoke_without_command=True)
+app.add_typer(runs_verbs, name="runs")
+
+
+@runs_verbs.callback()
+def runs(
+    context: typer.Context,
+    count: Annotated[int, typer.Option("-n", min=1, help="number of runs")] = 20,
+    store: Store = None,
+    json: Json = False,
+) -> None:
+    """List past runs, the newest first; `runs diff` compares two, `runs timeline` draws one."""
+    if context.invoked_subcommand is None:
+        from commands.history import runs as show
+
+        raise typer.Exit(show(store, count, json))
+
+
+@runs_verbs.command("diff")
+def runs_diff(
+    a: Annotated[str, typer.Argument(help="a run: its id, a beginning of it, last, or last~1 for the one before")],
+    b: Annotated[str, typer.Argument(help="the run to compare it with")],
+    store: Store = None,
+    json: Json = False,
+) -> None:
+    """Show the stages that differ between two runs, the reasons, and differences of outputs and costs."""
+    from commands.history import diff
+
+    raise typer.Exit(diff(a, b, store, json))
+
+
+@runs_verbs.command("timeline")
+def runs_timeline(
+    run: Annotated[str, typer.Argument(help="a run: its id, a beginning of it, last, or last~1 for the one before")] = "last",
+    out: Annotated[Path, typer.Option("--out", help="draw to this .svg or .png")] = Path("timeline.svg"),
+    store: Store = None,
+) -> None:
+    """Draw the tasks of a run over time, with cores and memory in use."""
+    from commands.history import timeline
+
+    raise typer.Exit(timeline(run, out, store))
+
+
+@app.command()
+def stale(target: Target = None, source: SourceDir = None, clip: Clips = None, set_: Sets = None, params: ParamsFile = None,
+          only: Annotated[str | None, typer.Option(help="one stage, as `run --only` would run it")] = None,
+          force: Annotated[list[str] | None, typer.Option(help="as if this stage were forced (repeatable)")] = None,
+          store: Store = None, remote: Remote = None, json: Json = False) -> None:  # fmt: skip
+    """List what a run would execute now: a line for each stage and reason."""
+    from commands.history import stale as show
+
+    raise typer.Exit(show(_request(target, source, clip, set_, params, store, json, only=only, force=force, remote=remote)))
 
 
 def _request(target: str | None, source: Path | None, clip: list[str] | None, set_: list[str] | None, params: Path | None,

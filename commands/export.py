@@ -85,6 +85,11 @@ def export(format: str, folder: Path, source: Path | None, store: Path | None, p
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise UsageError(f"{folder}: the folder is not empty; give a new or empty one")
     runner = open_runner(store)
+    with runner.reading():
+        return _export(runner, format, folder, source, polygons, original_frames)
+
+
+def _export(runner: Runner, format: str, folder: Path, source: Path | None, polygons: bool, original_frames: bool) -> int:
     if format == "epic":
         place, _ = origin("scenes", source, settings((), None), lambda path: runner.hash_file(path)[0])
         report = runner.run(build("scenes", place, settings((), None)), "scenes")

@@ -206,15 +206,16 @@ def inspect_artifact(artifact: str, store: Path | None, as_json: bool) -> int:
     from runner import LostError
 
     runner = open_existing(store)
-    try:
-        found = runner.lineage(artifact)
-    except ValueError as error:
-        raise UsageError(str(error)) from error
-    try:
-        about = _describe(runner, found.digest)
-    except LostError as error:
-        Console(stderr=True).print(f"[red]{escape(str(error))}[/]", highlight=False)
-        return 1
+    with runner.reading():
+        try:
+            found = runner.lineage(artifact)
+        except ValueError as error:
+            raise UsageError(str(error)) from error
+        try:
+            about = _describe(runner, found.digest)
+        except LostError as error:
+            Console(stderr=True).print(f"[red]{escape(str(error))}[/]", highlight=False)
+            return 1
     about |= {"stage": found.trace.stage, "shard": found.trace.shard} if found.trace else {}
     print_json(about) if as_json else _show_artifact(about)
     return 0

@@ -116,6 +116,8 @@ def add(report: RunReport, more: RunReport, alone: str | None = None) -> None:
     report.stale += more.stale
     report.cpu_s |= more.cpu_s
     report.peak_mib |= more.peak_mib
+    for stage, shards in more.used.items():
+        report.used.setdefault(stage, {}).update(shards)
     report.seconds += more.seconds
 
 

@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
-from runner import Reason
+from runner import Reason, RunReport
 
 BEAT_S = 30.0
 """seconds between two lines about a running task"""
@@ -25,6 +25,9 @@ class ProgressObserver(Protocol):
 
     def __enter__(self) -> ProgressObserver: ...
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None: ...
+    def begun(self, report: RunReport) -> None:
+        """A run begins."""
+
     def planned(self, stage: str, shard: str) -> None:
         """A task is known."""
 
@@ -66,6 +69,9 @@ class Bars:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self._bars.stop()
+
+    def begun(self, report: RunReport) -> None:
+        """Show nothing yet."""
 
     def planned(self, stage: str, shard: str) -> None:
         """Add one task to the stage."""
@@ -134,6 +140,9 @@ class Lines:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self._over.set()
         sys.stderr.flush()
+
+    def begun(self, report: RunReport) -> None:
+        """Print nothing."""
 
     def planned(self, stage: str, shard: str) -> None:
         """Count the task."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import partial
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from afford.extraction.sources.discover import Source
 from commands.compare import Names, publish_columns
@@ -17,7 +17,7 @@ from commands.memory import show_memory_warnings, stage_memory
 from commands.only import publish_recordings, record, run_only
 from commands.origin import NEEDED
 from commands.outputs import Publisher, collect_metrics, partial_outputs, publish_outputs
-from commands.progress import ProgressObserver, observer
+from commands.progress import observer
 from commands.session import EngineChoice, digester, open_runner
 from commands.settings import columns
 from commands.summary import Summary, show_inspect_hints, show_summary
@@ -25,7 +25,8 @@ from commands.target_graphs import graph_of_request, resolve_stages, resolve_tar
 from commands.warnings import show_warnings
 from commands.weights import resolve_weights
 from maps.settings import Origin
-from runner import Failure, Graph, LostError, Runner, RunReport
+from runner import Failure, Graph, LostError, Observer, Runner, RunReport
+from runner.history import RunLog
 
 T = TypeVar("T")
 DEFAULT_MINUTES = {"grasp-full": 75.0, "sor3d-ablation": 75.0}
@@ -73,7 +74,7 @@ class ActiveRun:
     source: Source | None
     stages: list[str]
     """stages of `only`; empty for a whole target"""
-    shown: ProgressObserver
+    shown: Observer
     waiting: dict[str, str]
     """stage of `only` -> reason why it is not recorded"""
 
@@ -119,9 +120,10 @@ def run(request: Request) -> int:
     stages = resolve_stages([request.only] if request.only else [], target, graph)
     force = resolve_stages(request.force, target, graph)
     limit_s = time_limit_s(request, target)
-    with observer(quiet=False) as shown:
-        going = ActiveRun(request, runner, graph, names, place, source, stages, shown, {})
+    with observer(quiet=False) as shown, RunLog(runner.store.root, target, typed(request), shown, runner.jobs) as log:
+        going = ActiveRun(request, runner, graph, names, place, source, stages, log, {})
         report, (outputs, metrics, notes) = run_and_publish(partial(going.report, target), going.outputs, force, limit_s)
+        log.ended(report)
     _refused(report, source)
     summary = Summary(target, report.ran, report.cached, report.failed, outputs, metrics, round(report.seconds, 3),
                       None if limit_s is None else report.deferred, notes or None)
@@ -133,6 +135,17 @@ def run(request: Request) -> int:
     if request.json:
         sys.stdout.write(summary.printed())
     return 0 if report.ok else 1
+
+
+def typed(request: Request) -> dict[str, Any]:
+    """Arguments that differ from their defaults, for the history."""
+    given = {field.name: getattr(request, field.name) for field in fields(request) if field.name not in ("target", "store", "json")}
+    usual = {field.name: field.default for field in fields(request)}
+    return {name: _plain(value) for name, value in given.items() if value != usual[name]}
+
+
+def _plain(value: Any) -> Any:
+    return str(value) if isinstance(value, Path) else list(value) if isinstance(value, tuple) else value
 
 
 def _check(request: Request, target: str) -> None:

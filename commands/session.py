@@ -121,11 +121,17 @@ def open_existing(store: Path | None = None, plan_only: bool = False, remote: st
 
     UsageError when there is no store; none is created.
     """
+    existing_store(store)
+    return open_runner(store, plan_only=plan_only, remote=remote)
+
+
+def existing_store(store: Path | None = None) -> Path:
+    """Folder of an existing store; UsageError when there is none."""
     folder = store or STORE
     if not is_store(folder):
         got = "is not an afford store" if os.path.isdir(folder) else "is a file" if os.path.exists(folder) else "does not exist"
         raise UsageError(f"--store {folder}: {folder} {got}; name an existing store, or create one with `pipeline.py run`")
-    return open_runner(store, plan_only=plan_only, remote=remote)
+    return folder
 
 
 def digester(runner: Runner) -> Callable[[Path], str]:

@@ -1,8 +1,7 @@
-"""Verbs that read the store and its history: plan, explain, status, graph, lineage, verify, gc."""
+"""Verbs about the store: plan, explain, status, graph, lineage, verify, gc, du."""
 
 from __future__ import annotations
 
-import json
 import re
 import sys
 from collections import Counter
@@ -12,9 +11,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 from rich.tree import Tree
 
 from afford.common.kernel_cache import collect_kernels
@@ -25,21 +22,26 @@ from commands.origin import origin
 from commands.run import Request
 from commands.session import ROOT, STORE, digester, open_existing, open_runner
 from commands.settings import columns
+from commands.tables import console, plain_table, print_json
 from commands.target_graphs import first_target_with, graph_of_request, resolve_stages, resolve_target
 from commands.targets import TARGETS
 from commands.weights import resolve_weights
 from runner import Graph, Runner, TaskPlan
+from runner.garbage import Rules, UnknownStageError
+from runner.plan_groups import group_plans
 
 BEGINNING = re.compile(r"[0-9a-f]+")
 """prefix of a digest"""
 SHOWN_FILES = 6
-PIPED_WIDTH = 1000
-"""width in columns without a terminal, so that long paths are not cut in a pipe"""
+KERNELS = "(kernels)"
+"""row of compiled kernels of old sources"""
+MANY_TASKS = 300
+"""tasks up to which `explain` prints one line each"""
 
 
-def plan_request(request: Request) -> list[TaskPlan]:
+def plan_request(request: Request, opened: Callable[..., Runner] = open_runner) -> list[TaskPlan]:
     """Tasks that `run` would execute, without executing them."""
-    runner, graph, target = _prepared(request)
+    runner, graph, target = _prepared(request, opened)
     force = resolve_stages(request.force, target, graph)
     if request.only:
         return plan_of_stages(runner, graph, resolve_stages([request.only], target, graph), request.clips, force)
@@ -50,27 +52,34 @@ def dry_run(request: Request) -> int:
     """Show the tasks that would run, with reasons."""
     plans = plan_request(request)
     if request.json:
-        _print_json({"target": resolve_target(request.target, request.only), "tasks": [_plan(plan) for plan in plans]})
+        print_json({"target": resolve_target(request.target, request.only), "tasks": [_plan(plan) for plan in plans]})
     else:
         _show_groups([plan for plan in plans if plan.status != "cached"])
         counts = Counter(plan.status for plan in plans)
-        _console().print(", ".join(f"{counts[status]} {status}" for status in sorted(counts)) or "nothing to do")
+        console().print(", ".join(f"{counts[status]} {status}" for status in sorted(counts)) or "nothing to do")
     return 0
 
 
-def explain(request: Request, clip: str | None) -> int:
-    """Show the reason of each task's next or last run, of one stage if `only` names it."""
+def explain(request: Request, clip: str | None, every: bool = False) -> int:
+    """Show the reason of each task's next or last run, of one stage if `only` names it.
+
+    More than MANY_TASKS tasks are grouped by stage, state and reason, unless `every` task is wanted.
+    """
     runner, graph, target = _prepared(request, open_existing if request.store else open_runner)
     stages = resolve_stages([request.only], target, graph) if request.only else [node.name for node in graph.stages()]
-    plans = [plan for plan in runner.explain(graph, target, shard=clip) if plan.stage in stages]
+    wanted = set(stages)
+    plans = [plan for plan in runner.explain(graph, target, shard=clip) if plan.stage in wanted]
     if clip and not plans:
         known = {part for plan in runner.plan(graph, target) for part in plan.shard.split("/")}
         known -= {"", "*"}  # a task over the whole run, and shards that are not known yet
         raise unknown("clip", clip, known)
     if request.json:
-        _print_json({"target": target, "tasks": [_plan(plan) for plan in plans]})
-    else:
+        print_json({"target": target, "tasks": [_plan(plan) for plan in plans]})
+    elif every or len(plans) <= MANY_TASKS:
         _show_plans(plans)
+    else:
+        _show_groups(plans)
+        sys.stdout.write(f"{len(plans)} tasks, grouped; --all lists each, --clip those of one clip\n")
     return 0
 
 
@@ -86,21 +95,25 @@ def status(request: Request) -> int:
     plans = runner.plan(graph, target)
     keys, failures = {plan.key for plan in plans}, runner.failures()
     mine, others = [[failure for failure in failures if (failure["key"] in keys) is own] for own in (True, False)]
-    counts = {stage: Counter(p.status for p in plans if p.stage == stage) for stage in shown}
+    counts: dict[str, Counter[str]] = {stage: Counter() for stage in shown}
+    for plan in plans:
+        if plan.stage in counts:
+            counts[plan.stage][plan.status] += 1
     if request.json:
-        _print_json({"target": target, "stages": {k: dict(v) for k, v in counts.items()}, "failures": mine,
+        print_json({"target": target, "stages": {k: dict(v) for k, v in counts.items()}, "failures": mine,
                      "failures_elsewhere": others})
         return 0
-    table = Table("stage", "cached", "to run", "pending", box=None)
+    table = plain_table("stage", "cached", "to run", "pending")
     for stage, count in counts.items():
         table.add_row(stage, *(str(count[status] or "") for status in ("cached", "run", "pending")))
-    console = _console()
-    console.print(table)
-    for failure in mine:
+    console().print(table)
+    for failure in mine[:MANY_TASKS]:
         message = escape(f"{failure['stage']} {failure['shard']}: {failure['message']}")
-        console.print(f"[red]failed[/] {message}", highlight=False, soft_wrap=True)
+        console().print(f"[red]failed[/] {message}", highlight=False, soft_wrap=True)
+    if len(mine) > MANY_TASKS:
+        console().print(f"and {len(mine) - MANY_TASKS} more failures; --json lists them", highlight=False)
     if others:
-        console.print(f"{len(others)} task(s) of other sources, targets or settings failed in this store; --json lists them",
+        console().print(f"{len(others)} task(s) of other sources, targets or settings failed in this store; --json lists them",
                       highlight=False, soft_wrap=True)
     return 0
 
@@ -159,11 +172,11 @@ def lineage(artifact: str, store: Path | None, as_json: bool) -> int:
     except ValueError as error:
         raise UsageError(str(error)) from error
     if as_json:
-        _print_json(asdict(found))
+        print_json(asdict(found))
         return 0
     tree = Tree(_origin_line(found))
     _grow(tree, found, {found.digest})
-    _console().print(tree, crop=False, no_wrap=True, overflow="ignore")
+    console().print(tree, crop=False, no_wrap=True, overflow="ignore")
     return 0
 
 
@@ -227,27 +240,59 @@ def verify(store: Path | None, as_json: bool) -> int:
     """Hash every stored file again; return 1 when a file is damaged, missing or changed."""
     verdict = open_existing(store).verify()
     if as_json:
-        _print_json({**asdict(verdict), "ok": verdict.ok})
+        print_json({**asdict(verdict), "ok": verdict.ok})
     else:
-        console = Console()
         for kind in ("damaged", "missing", "changed"):
             for name in getattr(verdict, kind):
-                console.print(f"[red]{kind}[/] {escape(name)}", highlight=False, soft_wrap=True)
+                console().print(f"[red]{kind}[/] {escape(name)}", highlight=False, soft_wrap=True)
         state = "no problem found" if verdict.ok else "run again to repair"
-        console.print(f"{verdict.blobs} blobs, {verdict.bytes / 1e6:.1f} MB: {state}")
+        console().print(f"{verdict.blobs} blobs, {verdict.bytes / 1e6:.1f} MB: {state}")
     return 0 if verdict.ok else 1
 
 
-def gc(store: Path | None, dry_run: bool, as_json: bool) -> int:
-    """Delete everything that the last use of every shard does not reach, and compiled kernels of old sources, or count it."""
-    swept = open_existing(store).gc(dry_run)
+def gc(store: Path | None, rules: Rules, dry_run: bool, as_json: bool) -> int:
+    """Delete what the rules do not keep and compiled kernels of old sources, or count it.
+
+    UsageError for a stage of `drop` that the store lacks.
+    """
+    try:
+        swept = open_existing(store).gc(dry_run, rules)
+    except UnknownStageError as error:
+        raise UsageError(str(error)) from error
     files, size = collect_kernels(ROOT, store or STORE, dry_run=dry_run)
-    swept = replace(swept, files=swept.files + files, bytes=swept.bytes + size)
+    if files:
+        swept.stages[KERNELS] = {"files": files, "bytes": size}
+        swept = replace(swept, files=swept.files + files, bytes=swept.bytes + size)
     if as_json:
-        _print_json(asdict(swept))
-    else:
-        done = "would delete" if dry_run else "deleted"
-        sys.stdout.write(f"{done} {swept.files} files, {swept.bytes / 1e6:.1f} MB from {store or STORE}\n")
+        print_json(asdict(swept))
+        return 0
+    table = plain_table("stage", "files", "MB")
+    for stage, row in sorted(swept.stages.items(), key=lambda item: -item[1]["bytes"]):
+        table.add_row(stage, str(row["files"]), f"{row['bytes'] / 1e6:.1f}")
+    if swept.stages:
+        console().print(table)
+    done = "would delete" if dry_run else "deleted"
+    dropped = f"; {swept.dropped} artifact(s) can be computed again" if swept.dropped else ""
+    sys.stdout.write(f"{done} {swept.files} files, {swept.bytes / 1e6:.1f} MB, and {swept.traces} result(s) from {store or STORE}"
+                     f"{dropped}\n")  # fmt: skip
+    return 0
+
+
+def du(store: Path | None, as_json: bool) -> int:
+    """Show the disk usage of the store by stage."""
+    use = open_existing(store).disk_usage()
+    if as_json:
+        print_json({**asdict(use), "bytes": use.bytes})
+        return 0
+    table = plain_table("stage", "MB", "files", "results", "artifacts", "dropped", "shared MB")
+    for stage, row in use.stages.items():
+        shared = f"{row.shared_bytes / 1e6:.1f}" if row.shared_bytes else ""
+        table.add_row(stage, f"{row.bytes / 1e6:.1f}", *(str(count or "") for count in (row.files, row.results, row.artifacts,
+                                                                                        row.dropped)), shared)  # fmt: skip
+    for room, size in use.rooms.items():
+        table.add_row(f"{room}/", f"{size / 1e6:.1f}")
+    console().print(table)
+    sys.stdout.write(f"{use.bytes / 1e6:.1f} MB in {store or STORE}; files that several stages share are counted for the first\n")
     return 0
 
 
@@ -265,37 +310,18 @@ def _plan(plan: TaskPlan) -> dict[str, str]:
 
 
 def _show_plans(plans: list[TaskPlan]) -> None:
-    table = _table("stage", "clip", "state")
+    table = plain_table("stage", "clip", "state", folded="reason")
     for plan in plans:
         table.add_row(plan.stage, escape(plan.shard), plan.status, escape(str(plan.reason)))
-    _console().print(table)
+    console().print(table)
 
 
 def _show_groups(plans: list[TaskPlan]) -> None:
     """Print one row for all tasks of a stage with the same state and reason; for a single task, its clip."""
-    groups: dict[tuple[str, str, str], list[str]] = {}
-    for plan in plans:
-        groups.setdefault((plan.stage, plan.status, str(plan.reason)), []).append(plan.shard)
-    table = _table("stage", "state", "tasks")
-    for (stage, status, reason), shards in groups.items():
-        table.add_row(stage, status, escape(shards[0]) or "1" if len(shards) == 1 else str(len(shards)), escape(reason))
+    groups = group_plans(plans)
+    table = plain_table("stage", "state", "tasks", folded="reason")
+    for group in groups:
+        name = escape(group.shards[0]) or "1" if group.count == 1 else str(group.count)
+        table.add_row(group.stage, group.status, name, escape(group.reason))
     if groups:
-        _console().print(table)
-
-
-def _table(*titles: str) -> Table:
-    """Table whose columns are never cut, with a reason that wraps."""
-    table = Table(box=None)
-    for title in titles:
-        table.add_column(title, no_wrap=True)
-    table.add_column("reason", overflow="fold")
-    return table
-
-
-def _console() -> Console:
-    """Console as wide as the terminal, or as the longest line in a pipe."""
-    return Console(width=None if sys.stdout.isatty() else PIPED_WIDTH)
-
-
-def _print_json(value: Any) -> None:
-    sys.stdout.write(json.dumps(value, sort_keys=True, default=str) + "\n")
+        console().print(table)

@@ -6,13 +6,14 @@
     runner.plan(graph, "dataset")                           -> list[TaskPlan], without executing anything
     runner.explain(graph, "dataset", stage=None, shard=None)-> list[TaskPlan], with the reason of every task
     runner.load(digest) / runner.files(digest)              -> value / {name: verified path}
-    runner.lineage(digest or path) / runner.verify() / runner.gc()
+    runner.lineage(digest or path) / runner.verify() / runner.gc() / runner.disk_usage() / with runner.reading(): ...
+    with RunLog(store, "dataset", observer=...) as log: ...     runner/history.py: the record of a run; past_runs reads it
     runner.hash_file(path)                                  -> (digest, size), remembered by size, mtime and inode
 
 Modules in reading order: graph (the DAG), source, names, scopes, references, effects, links and fingerprint (code as content), keys
 and task_planner (keys and reasons), segments and index (key -> output), store (blobs), lease (one run per key), execute (one task),
-engines (where tasks run), walk (propagation of outcomes), schedule (order and budget), runner (the verbs), upkeep (verify, gc,
-lineage).
+engines (where tasks run), walk (propagation of outcomes), schedule (order and budget), runner (the verbs), upkeep (verify,
+lineage), garbage (gc), history, past_runs and run_diff (records of runs).
 """
 
 from __future__ import annotations

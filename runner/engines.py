@@ -1,30 +1,33 @@
-"""Engines that execute jobs: submit a job, wait for messages, close. Keys and paths travel, never arrays.
-
-The means to start processes are imported with the first worker: a run with nothing to do starts none.
-"""
+"""Engines that execute jobs: submit a batch, wait for messages, close. Keys and paths travel, never arrays."""
 
 from __future__ import annotations
 
+import math
 import os
-import signal
-import sys
+import select
+import signal as signals
+import time
 from collections import deque
 from collections.abc import Mapping
-from contextlib import suppress
-from dataclasses import dataclass, field
-from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 from runner.execute import Job, JobResult, WorkerSpec, Workplace, execute
 from runner.modules import outdated
-
-if TYPE_CHECKING:
-    import subprocess
-    from multiprocessing.connection import Connection
+from runner.worker_process import WorkerProcess
 
 Message = tuple[str, str, Any]
 """('started', key, None), ('progress', key, (done, total)) or ('done', key, JobResult)"""
+MAX_JOBS = 20_000
+"""jobs of a worker before it is replaced: what a library loses in every call stays small, and a new process, with its imports,
+costs under 1 % of the time of so many jobs"""
+MAX_GROWTH_MIB = 2048.0
+"""growth of a worker since its first batch before it is replaced; the largest libraries take a quarter of it"""
+
+
+LONGEST_S = 86400.0
+"""longest single wait; poll counts milliseconds in 32 bits"""
+NO_PROGRESS = "the task made no progress for {:g} s and was stopped; raise TIMEOUT_S of the stage, or report progress through ctx"
 
 
 class Engine(Protocol):
@@ -35,10 +38,13 @@ class Engine(Protocol):
     window: int
 
     def submit(self, jobs: list[Job], gpus: tuple[str, ...] = ()) -> None:
-        """Start a batch of jobs of one stage, which one worker executes in order; `gpus` are those that it may see."""
+        """Start a batch of jobs of one stage, which one worker executes in order.
+
+        `gpus` are those that the worker may see (`Grant.visible`); empty: all. An engine with its own placement ignores them.
+        """
 
     def wait(self, timeout_s: float | None) -> list[Message]:
-        """Return new messages, at least one unless the time is over."""
+        """Return new messages, at least one unless the time is over or no job is in flight."""
 
     def end(self, key: str) -> None:
         """Stop a submitted job; no further message reports it, and the rest of its batch is returned."""
@@ -48,29 +54,34 @@ class Engine(Protocol):
 
 
 class Inline:
-    """Executes jobs in this process, one after the other, during `wait`."""
+    """Executes jobs in this process, one after the other, during `wait`. TIMEOUT_S and GPUS have no effect here."""
 
     own_placement, window = False, 1
 
     def __init__(self, spec: WorkerSpec, offsets: Mapping[str, int] = MappingProxyType({})) -> None:
         self._place = Workplace(spec, offsets)
         self._jobs: deque[Job] = deque()
+        self._announced = ""
+        """key of the first job, once its start is reported"""
 
     def submit(self, jobs: list[Job], gpus: tuple[str, ...] = ()) -> None:
         """Queue the jobs for `wait`."""
         self._jobs += jobs
 
     def wait(self, timeout_s: float | None) -> list[Message]:
-        """Execute the next job."""
-        if not self._jobs:
-            return []
-        job = self._jobs.popleft()
-        messages: list[Message] = [("started", job.key, None)]
-        root = self._place.spec.root
+        """Execute the job whose start was reported, and report the start of the next one."""
+        messages = self._run(self._jobs.popleft()) if self._jobs and self._jobs[0].key == self._announced else []
+        if self._jobs:
+            self._announced = self._jobs[0].key
+            messages.append(("started", self._announced, None))
+        return messages
+
+    def _run(self, job: Job) -> list[Message]:
+        root, messages = self._place.spec.root, list[Message]()
         old = outdated(f"{root}/{source.path}" for source in job.spec.sources)
         if old is not None:
             message = f"{old} was edited after this process imported it; run again in a new process, or with --jobs 1"
-            return [*messages, ("done", job.key, JobResult(job.key, "failed", message=message))]
+            return [("done", job.key, JobResult(job.key, "failed", message=message))]
         done = execute(job, self._place, lambda n, of: messages.append(("progress", job.key, (n, of))))
         return [*messages, ("done", job.key, done)]
 
@@ -83,115 +94,113 @@ class Inline:
         self._place.close()
 
 
-@dataclass
-class _Worker:
-    process: subprocess.Popen[bytes]
-    jobs: Connection
-    lifeline: int
-    batch: list[Job] = field(default_factory=list)
-    """jobs without result, the running one first"""
-    loaded: set[str] = field(default_factory=set)
-
-
 class Pool:
-    """Worker processes, started on demand and kept; one that dies fails its job alone and is replaced.
+    """Worker processes, started on demand and kept for later batches.
 
-    Workers run in their own session, so that Ctrl-C reaches the scheduler only. Each holds the reading end of a pipe that
-    closes with the scheduler, and so they end when the scheduler does.
+    A worker that dies fails the job that it ran, and one that makes no progress for TIMEOUT_S is killed; the other jobs of the
+    batch are returned. Workers that have run many jobs, or have grown, are replaced between two batches.
     """
 
-    own_placement, window = False, 1
+    own_placement, window = False, os.cpu_count() or 1
 
-    def __init__(self, spec: WorkerSpec, offsets: Mapping[str, int] = MappingProxyType({})) -> None:
+    def __init__(self, spec: WorkerSpec, offsets: Mapping[str, int] = MappingProxyType({}), max_jobs: int = MAX_JOBS,
+                 max_growth_mib: float = MAX_GROWTH_MIB) -> None:
         self._spec, self._offsets = spec, dict(offsets)
-        self._paths = [str(spec.root), str(Path(__file__).resolve().parent.parent)]
-        self._workers: list[_Worker] = []
-        self._returned: list[Message] = []
+        self._max_jobs, self._max_growth_mib = max_jobs, max_growth_mib
+        self._workers: list[WorkerProcess] = []
+        self._leaving: list[WorkerProcess] = []
+        self._queue: list[Message] = []
 
     def submit(self, jobs: list[Job], gpus: tuple[str, ...] = ()) -> None:
-        """Send a batch to an idle worker, preferably one that has loaded some of the inputs, or to a new one."""
-        idle = [worker for worker in self._workers if not worker.batch]
-        wanted = set(jobs[0].inputs.values())
-        worker = max(idle, key=lambda worker: len(wanted & worker.loaded)) if idle else self._start()
-        worker.batch, worker.loaded = list(jobs), set(jobs[-1].inputs.values())
-        try:
-            worker.jobs.send(jobs)
-        except (BrokenPipeError, ConnectionResetError):
-            return  # the worker died while idle; `wait` reports it
+        """Send a batch to an idle worker with these GPUs, rather one that has loaded the inputs or the stage, or to a new one."""
+        self._retire(gpus)
+        wanted, function = set(jobs[0].inputs.values()), jobs[0].spec.function
+        idle = [worker for worker in self._workers if not worker.batch and worker.gpus == gpus]
+        worker = max(idle, key=lambda one: (len(wanted & one.loaded), one.function == function), default=None)
+        if worker is None:
+            worker = WorkerProcess(self._spec, self._offsets, gpus)
+            self._workers.append(worker)
+        worker.submit(jobs)
 
     def wait(self, timeout_s: float | None) -> list[Message]:
-        """Return the messages of all workers."""
-        from multiprocessing.connection import wait
-
-        messages, self._returned = self._returned, []
-        busy = {worker.jobs: worker for worker in self._workers if worker.batch}
-        for connection in wait(list(busy), 0 if messages else timeout_s):
-            worker = busy[connection]  # type: ignore[index]
-            try:
-                message = worker.jobs.recv()
-            except (EOFError, ConnectionResetError):
-                messages += self._died(worker)
-                continue
-            messages.append(message)
-            if message[0] == "done":
-                worker.batch.pop(0)
-        return messages
+        """Return the messages of all workers; blocks until there are some, or until the time is over."""
+        end = float("inf") if timeout_s is None else time.monotonic() + timeout_s
+        while not self._queue and any(worker.batch for worker in self._workers):
+            self._poll(min(end, *(worker.deadline() for worker in self._workers)) - time.monotonic())
+            if time.monotonic() >= end:
+                break
+        found, self._queue = self._queue, []
+        return found
 
     def end(self, key: str) -> None:
         """Kill the worker that runs the job, which also releases its lease; the stage's scratch folder is kept."""
-        for worker in [worker for worker in self._workers if any(job.key == key for job in worker.batch)]:
-            rest = [job for job in worker.batch if job.key != key]
-            self._returned += [("done", job.key, JobResult(job.key, "returned")) for job in rest]
-            _kill(worker.process)
-            self._drop(worker)
+        for worker in [worker for worker in self._workers if key in worker.batch]:
+            self._workers.remove(worker)
+            self._queue += worker.end().messages
+            self._queue += [("done", other, JobResult(other, "returned")) for other in worker.batch]
+        self._queue = [message for message in self._queue if message[1] != key]
 
     def close(self) -> None:
         """End idle workers; kill busy ones, which also releases their leases."""
         for worker in self._workers:
             if worker.batch:
-                _kill(worker.process)
-            worker.jobs.close()
-        for worker in self._workers:
-            worker.process.wait()
-            os.close(worker.lifeline)
+                worker.end()
+            else:
+                self._leave(worker)
         self._workers.clear()
+        for worker in self._leaving:
+            worker.is_gone(wait=True)
+        self._leaving.clear()
 
-    def _start(self) -> _Worker:
-        import subprocess
-        from multiprocessing.connection import Connection
-        from socket import socketpair
+    def _poll(self, seconds: float) -> None:
+        """Wait for any worker, queue messages, and bury workers that have ended or are over their time."""
+        poll, owners = select.poll(), dict[int, WorkerProcess]()
+        for worker in self._workers:
+            owners |= dict.fromkeys(worker.register(poll), worker)
+        ready = poll.poll(None if seconds == float("inf") else max(0, math.ceil(1000 * min(seconds, LONGEST_S))))
+        for worker in dict.fromkeys(owners[fd] for fd, _ in ready):
+            worker.channel.push()
+            self._queue += worker.messages()
+            if worker.has_ended():
+                self._bury(worker)
+        now = time.monotonic()
+        for worker in [worker for worker in self._workers if worker.deadline() <= now]:
+            self._queue += worker.messages()
+            if worker.deadline() <= now:  # it was not this process that made no progress
+                self._bury(worker, in_time=False)
 
-        ours, theirs = socketpair()
-        read, write = os.pipe()
-        code = f"import sys; sys.path[:0] = {self._paths!r}; from runner.worker import main; main(*sys.argv[1:])"
-        command = [sys.executable, "-c", code, str(theirs.fileno()), str(read)]
-        process = subprocess.Popen(command, pass_fds=(theirs.fileno(), read), stdin=subprocess.DEVNULL, start_new_session=True)
-        theirs.close()
-        os.close(read)
-        worker = _Worker(process, Connection(ours.detach()), write)
-        worker.jobs.send((self._spec, self._offsets))
-        self._workers.append(worker)
-        return worker
-
-    def _died(self, worker: _Worker) -> list[Message]:
-        status = worker.process.wait()
-        _kill(worker.process)
-        self._drop(worker)
-        how = f"signal {signal.Signals(-status).name}" if status < 0 else f"exit status {status}"
-        hint = "; the usual cause is lack of memory: raise MEMORY_GIB of the stage or lower --jobs" if status == -9 else ""
-        message = f"the worker process ended with {how} before the task was done{hint}"
-        first, *rest = worker.batch
-        return [("done", first.key, JobResult(first.key, "died", message=message)),
-                *(("done", job.key, JobResult(job.key, "returned")) for job in rest)]
-
-    def _drop(self, worker: _Worker) -> None:
-        worker.process.wait()
-        worker.jobs.close()
-        os.close(worker.lifeline)
+    def _bury(self, worker: WorkerProcess, in_time: bool = True) -> None:
+        """Report the jobs of a worker that has died, or that is killed because it made no progress."""
         self._workers.remove(worker)
+        limit_s = next((job.spec.timeout_s for job in worker.batch.values()), 0.0)
+        ended = worker.end()
+        self._queue += ended.messages
+        status, message = ("died", _death(ended.status)) if in_time else ("failed", NO_PROGRESS.format(limit_s))
+        blamed = {ended.running}
+        if ended.fresh and worker.batch:  # it could not even start: every job is blamed, so that no job is returned for ever
+            blamed = set(worker.batch) if in_time else {next(iter(worker.batch))}
+        for key in worker.batch:
+            result = JobResult(key, status, message=message) if key in blamed else JobResult(key, "returned")
+            self._queue.append(("done", key, result))
+
+    def _retire(self, gpus: tuple[str, ...]) -> None:
+        """End idle workers that are due to be replaced, or hold some of the GPUs in another combination."""
+        self._leaving = [worker for worker in self._leaving if not worker.is_gone()]
+        for worker in [worker for worker in self._workers if not worker.batch]:
+            grown_mib = worker.resident_mib - worker.first_mib
+            if (worker.finished >= self._max_jobs or grown_mib > self._max_growth_mib
+                    or (worker.gpus != gpus and set(worker.gpus) & set(gpus))):
+                self._workers.remove(worker)
+                self._leave(worker)
+
+    def _leave(self, worker: WorkerProcess) -> None:
+        worker.leave()
+        self._leaving.append(worker)
 
 
-def _kill(process: subprocess.Popen[bytes]) -> None:
-    """Kill the worker and every process that its stage has started; they share a process group."""
-    with suppress(ProcessLookupError):
-        os.killpg(process.pid, signal.SIGKILL)
+def _death(status: int) -> str:
+    """How a worker process ended, from its exit status."""
+    names = {signal.value: signal.name for signal in signals.Signals}
+    how = f"signal {names.get(-status, -status)}" if status < 0 else f"exit status {status}"
+    hint = "; the usual cause is lack of memory: raise MEMORY_GIB of the stage or lower --jobs" if status == -9 else ""
+    return f"the worker process ended with {how} before the task was done{hint}"

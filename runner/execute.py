@@ -8,7 +8,6 @@ import shutil
 import time
 import traceback
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -21,6 +20,7 @@ from runner.files import Source, Stamp, stamp
 from runner.index import Manifest, artifact_row
 from runner.keys import CodeFingerprints, machine_kind, seed_of
 from runner.lease import KeyLeases
+from runner.memory import PeakMeter
 from runner.modules import Modules
 from runner.resources import Resources
 from runner.segments import OtherRuns, SegmentWriter, body_of, encode
@@ -146,7 +146,7 @@ class Workplace:
         self.catalog = JobCatalog(self.others.bodies)
         self.shared = None if spec.remote is None else _shared(spec)
         self.store = Store(spec.store, resolve(spec.codec), self.catalog, remote=self.shared.remote if self.shared else None)
-        self.leases, self.segment = KeyLeases(spec.store), SegmentWriter(spec.store, spec.session)
+        self.leases, self.segment, self.meter = KeyLeases(spec.store), SegmentWriter(spec.store, spec.session), PeakMeter()
         self._specs: tuple[str, set[str]] = ("", set())
         """segment, and digests of the specs that it holds"""
 
@@ -223,7 +223,7 @@ def _owned(job: Job, place: Workplace, progress: Progress) -> JobResult:
         if store.state(made) == "ok":
             return JobResult(job.key, "cached")
     place.catalog.begin(job.manifests)
-    _forget_peak()
+    place.meter.start()
     cpu, wall = _cpu(), time.monotonic()
     seed = seed_of(spec.params_tree, job.inputs)
     if place.spec.worker:
@@ -239,7 +239,7 @@ def _owned(job: Job, place: Workplace, progress: Progress) -> JobResult:
     value = resolve(spec.function)(**inputs, **more)
     output = store.put(value, scratch)
     check_sources(job, place.spec)
-    spent, waited, peak = round(_cpu() - cpu, 4), round(time.monotonic() - wall, 4), _peak_mib()
+    spent, waited, peak = round(_cpu() - cpu, 4), round(time.monotonic() - wall, 4), place.meter.peak_mib()
     trace = ["trace", job.key, output, spec.row[1], spec.stage, job.shard, job.inputs, job.schemas, seed, job.reason, spent, waited,
              peak, round(time.time(), 6)]
     rows, segment, start = place.append(job, [*place.catalog.rows, encode(trace)])
@@ -321,19 +321,6 @@ def one_line(error: BaseException) -> str:
     if isinstance(error, OSError) and error.filename and str(error.filename) not in text:
         text = f"{text}: {error.filename}"
     return text if text and isinstance(error, (ValueError, OSError)) else f"{type(error).__name__}: {text}"
-
-
-def _forget_peak() -> None:
-    """Reset the peak memory counter.
-
-    Where the system does not support it, the peak covers the process so far.
-    """
-    with suppress(OSError), open("/proc/self/clear_refs", "w") as counters:
-        counters.write("5")
-
-
-def _peak_mib() -> float:
-    return round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, 1)
 
 
 def _cpu() -> float:

@@ -118,7 +118,7 @@ class Index:
         """artifact -> its kind and files, or children"""
         self._spec_trees: dict[str, dict[str, Any]] = {}
         self.drops: dict[str, str] = {}
-        """artifact whose bytes were deleted on purpose, or were found to be gone -> its stage"""
+        """artifact whose bytes were deleted on purpose, or were found to be gone -> its stage; they may be back by now"""
         self._failures: dict[str, list[Any]] = {}
         self._forgotten: dict[str, float] = {}
         """key -> time at which its trace was removed"""
@@ -202,6 +202,10 @@ class Index:
         if torn and name != self.writer.name:
             self.damaged.setdefault(name, 1)
 
+    def outdated(self) -> bool:
+        """Return True when a segment that the index has read is gone: its rows were rewritten."""
+        return not self._offsets.keys() <= set(segment_names(self.root))
+
     def ingest(self, rows: bytes, segment: str, start: int) -> None:
         """Take rows that a writer has appended to its segment at an offset; the offset advances if nothing is between."""
         number = self._number(segment)
@@ -225,7 +229,6 @@ class Index:
         kind = row[0]
         if kind == "artifact":
             self._bodies[row[1]] = body_of(row[2], row[3], row[4])
-            self.drops.pop(row[1], None)
         elif kind == "trace":
             self._take_trace(row, segment, offset)
         elif kind == "spec":
@@ -419,6 +422,10 @@ class Index:
     def keys(self) -> list[str]:
         """All keys with a trace."""
         return list(self._rows)
+
+    def results(self) -> Iterator[tuple[str, str]]:
+        """Yield (stage, output) of every trace, those that were read first first."""
+        return ((self._stages[row], self._outputs[row]) for row in self._rows.values())
 
     def shards(self, stage: str) -> dict[str, str]:
         """Map each shard of a stage to the key of its last use."""

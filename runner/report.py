@@ -79,6 +79,9 @@ class RunReport:
 class Observer(Protocol):
     """Receives the events of a run, in the thread of the scheduler; it must not block."""
 
+    def begun(self, report: RunReport) -> None:
+        """A run begins, and fills its report while it goes on."""
+
     def planned(self, stage: str, shard: str) -> None:
         """A task is known; later shards become known while earlier ones run."""
 
@@ -106,4 +109,4 @@ class SilentObserver:
     def planned(self, *_: Any) -> None:
         """Ignore the event."""
 
-    started = progress = finished = cached = planned
+    begun = started = progress = finished = cached = planned

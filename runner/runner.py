@@ -27,6 +27,9 @@ from runner.task_planner import TaskPlanner
 from runner.walk import FAILED, NO_OUTPUT, PlanListener, Walk
 
 if TYPE_CHECKING:
+    from runner.disk_usage import DiskUse
+    from runner.garbage import GcResult, Rules
+    from runner.plan_groups import PlanGroup
     from runner.remote import Remote
     from runner.sharing import SharedRun
 
@@ -52,6 +55,7 @@ class Runner:
                  remote: str | None = None, engine: Callable[..., Engine] | None = None) -> None:  # fmt: skip
         store, self.root = store.absolute(), root.absolute()
         prepare_store(store)
+        self.jobs = jobs
         self._budget, self._engine = Budget(jobs, memory_gib, scratch=store / "scratch"), engine
         self.index = Index(store)
         self._remote, self._shared = self._open(remote, store)
@@ -77,9 +81,11 @@ class Runner:
         limit = Limit() if limit_s is None else self._limit(graph, target, began + limit_s)
         self._check_names(graph, [*force, *([only] if only else [])])
         report = RunReport(target if isinstance(target, str) else "")
+        observer = observer or SilentObserver()
+        observer.begun(report)
         with self._session() as engine:
             planner = self._task_planner(force)
-            schedule = Schedule(planner, engine, self._budget, observer or SilentObserver(), report, limit)
+            schedule = Schedule(planner, engine, self._budget, observer, report, limit)
             walk = Walk(graph, self._wanted(graph, target), planner, schedule, shards or ())
             schedule.walk = walk
             if only:
@@ -102,6 +108,12 @@ class Runner:
         order = {node.name: node.id for node in graph.stages()}
         return sorted(listener.plans, key=lambda plan: order[plan.stage])
 
+    def stale(self, graph: Graph, target: Any, *, shards: Iterable[str] | None = None) -> list[PlanGroup]:
+        """List what a run would execute now, by stage, state and reason; empty when there is nothing to do."""
+        from runner.plan_groups import group_plans
+
+        return group_plans(plan for plan in self.plan(graph, target, shards=shards) if plan.status != "cached")
+
     def explain(self, graph: Graph, target: Any, *, stage: str | None = None, shard: str | None = None) -> list[TaskPlan]:
         """Plan one stage, or one shard, with the reason of every task."""
         self._check_names(graph, [stage] if stage else [])
@@ -117,10 +129,11 @@ class Runner:
 
     def load(self, digest: str) -> Any:
         """Load the value of an artifact from verified files; LostError when one cannot be read."""
-        return self.store.load(digest)
+        with self.reading():
+            return self.store.load(digest)
 
     def files(self, digest: str) -> dict[str, Path]:
-        """Map name to verified path for every file of a plain artifact."""
+        """Map name to verified path for every file of a plain artifact; read them under `reading`."""
         return self.store.files(digest)
 
     def file(self, digest: str, name: str) -> Path:
@@ -163,18 +176,39 @@ class Runner:
         """
         return upkeep.verify(self.store, self.index)
 
-    def gc(self, dry_run: bool = False) -> upkeep.GcResult:
-        """Delete everything that the last use of every shard does not reach; with `dry_run`, only count it.
+    def gc(self, dry_run: bool = False, rules: Rules | None = None) -> GcResult:
+        """Delete everything that the last use of every shard does not reach, or what the rules say; with `dry_run`, only count it.
 
-        StoreError during a run.
+        StoreError while a run or a reader is open; UnknownStageError.
         """
+        from runner import garbage  # not needed by runs, like the next import
+
         lease = Lease(self.store.root / "leases" / "store.lock")
         if not lease.held:
-            raise StoreError(f"a run is using {self.store.root}; run gc when it has ended")
+            raise StoreError(f"a run is using {self.store.root}, or a command that reads it; run gc when it has ended")
         try:
             self.index.load()  # again, now that no run can add traces
             self.store.renew()
-            return upkeep.gc(self.store, self.index, dry_run)
+            return garbage.collect_garbage(self.store, self.index, rules or garbage.Rules(), dry_run)
+        finally:
+            lease.release(remove=False)
+
+    def disk_usage(self) -> DiskUse:
+        """Disk usage by stage."""
+        from runner.disk_usage import disk_usage
+
+        with self.reading():
+            return disk_usage(self.store, self.index)
+
+    @contextmanager
+    def reading(self) -> Iterator[None]:
+        """Keep gc away while artifacts are read; waits for a gc that is running. Blocks may be nested."""
+        lease = self._wait_for_share()
+        try:
+            if self.index.outdated():  # a gc has ended since the index was read
+                self.index.load()
+                self.store.renew()
+            yield
         finally:
             lease.release(remove=False)
 
@@ -239,8 +273,11 @@ class Runner:
         if alone.held:
             upkeep.sweep(self.store.root, self.index)
             alone.release(remove=False)
+        return self._wait_for_share()
+
+    def _wait_for_share(self) -> Lease:
         while not (lease := Lease(self.store.root / "leases" / "store.lock", shared=True)).held:
-            time.sleep(0.1)  # gc is running; it is short
+            time.sleep(0.05)  # gc is running; it is short
         return lease
 
     def _save(self) -> None:

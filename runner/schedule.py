@@ -357,6 +357,7 @@ class Schedule:
         increment(self.report.ran, task.node.name)
         self._executed.add(task.key)
         self._use(task)
+        self.report.peak_mib[task.node.name, task.shard] = done.peak_mib
         self._observer.finished(task.node.name, task.shard, "ran", done.wall_s, done.cpu_s, "")
         self._planner.store.forget(done.output)
         self.walk.publish(task.node, task.path, done.output)

@@ -5,14 +5,13 @@ The reason is the first part of the new key, in a fixed order, that differs from
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
+from runner.differences import definition_changes, differing, pairs, parameter_changes
 from runner.execute import Job, JobSpec
 from runner.files import DamagedError, seal, unseal, write_atomic
-from runner.fingerprint import changed
 from runner.graph import Node
 from runner.index import Index, Trace, manifest_of
 from runner.keys import CodeFingerprints, StageSpec, schema_text, stage_spec, task_key
@@ -23,7 +22,6 @@ from runner.store import Store
 if TYPE_CHECKING:
     from runner.sharing import SharedRun
 
-SHOWN = 3
 Demand = bool | frozenset[str]
 """bytes of an output that must be readable: all, none, or those of some fields of a bundle"""
 
@@ -33,19 +31,19 @@ def compare(last: Trace | None, spec: StageSpec, inputs: Mapping[str, str], sche
     if last is None:
         return Reason("first run")
     if last.params != spec.params:
-        return Reason("parameter changed", _params(last.params, spec.params))
+        return Reason("parameter changed", parameter_changes(last.params, spec.params))
     if last.code != spec.code.digest:
-        return Reason("code changed", _code(last, spec, store))
+        return Reason("code changed", definition_changes(kept_definitions(store, last.code), spec.code.definitions))
     if last.libraries != spec.libraries:
-        return Reason("library version changed", _pairs(last.libraries, spec.libraries))
+        return Reason("library version changed", pairs(last.libraries, spec.libraries))
     if last.threads != spec.threads:
         return Reason("threads changed", f"{last.threads} -> {spec.threads}")
     if spec.machine and last.machine != spec.machine:
         return Reason("machine changed", f"{last.machine} -> {spec.machine}")
     if last.inputs != dict(inputs):
-        return Reason("input changed", ", ".join(_differing(last.inputs, inputs)))
+        return Reason("input changed", ", ".join(differing(last.inputs, inputs)))
     if last.schemas != dict(schemas):
-        return Reason("schema changed", ", ".join(_differing(last.schemas, schemas)))
+        return Reason("schema changed", ", ".join(differing(last.schemas, schemas)))
     return Reason("output lost")
 
 
@@ -61,42 +59,6 @@ def kept_definitions(store: Path, code: str) -> dict[str, str] | None:
         return dict(unseal((store / "code" / f"{code}.json").read_bytes(), f"code {code}"))
     except (FileNotFoundError, DamagedError):
         return None
-
-
-def _code(last: Trace, spec: StageSpec, store: Path) -> str:
-    old = kept_definitions(store, last.code)
-    if old is None:
-        return "the previous definitions were not kept"
-    names = changed(old, spec.code.definitions)
-    if not names:
-        return "same definitions, reached through other names"
-    more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
-    return ", ".join(names[:SHOWN]) + more
-
-
-def _params(old: Any, new: Any) -> str:
-    return _pairs(_flat(old), _flat(new))
-
-
-def _flat(tree: Any) -> dict[str, Any]:
-    """Parameters by name; those of a block as 'block.name'."""
-    found: dict[str, Any] = {}
-    for name, value in tree["fields"].items() if tree else ():
-        is_block = isinstance(value, dict) and "fields" in value
-        found |= {f"{name}.{inner}": part for inner, part in _flat(value).items()} if is_block else {name: value}
-    return found
-
-
-def _pairs(old: Mapping[str, Any], new: Mapping[str, Any]) -> str:
-    return ", ".join(f"{name} {_show(old, name)} -> {_show(new, name)}" for name in _differing(old, new))
-
-
-def _show(table: Mapping[str, Any], name: str) -> str:
-    return json.dumps(table[name]) if name in table else "(none)"
-
-
-def _differing(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
-    return [name for name in sorted({*old, *new}) if (name in old) != (name in new) or old.get(name) != new.get(name)]
 
 
 ShardPath = tuple[str, ...]
@@ -127,6 +89,8 @@ class TaskPlanner:
         self._specs: dict[int, StageSpec] = {}
         self._jobs: dict[int, JobSpec] = {}
         self._kept: set[str] = set()
+        self._unneeded: list[tuple[str, str]] = []
+        """(stage, output) whose bytes are gone, and that nothing needed so far"""
         self._versions: dict[str, str] = {}
         self._schemas_of: dict[frozenset[str], tuple[dict[str, str], str]] = {}
 
@@ -165,9 +129,14 @@ class TaskPlanner:
         why = self._loss(output, state)
         if why == "output damaged" or state == "unknown" or self._is_demanded(output, demand):
             return "", Reason(why)
-        if why == "output lost" and not self.store.memo.plan_only:
-            self.index.drop(task.node.name, self.store.lost(output))
+        self._unneeded.append((task.node.name, output))
         return output, None
+
+    def note_losses(self) -> None:
+        """Record which outputs are gone and were not needed, so that `verify` does not report them."""
+        for stage, output in self._unneeded:
+            self.index.drop(stage, self.store.lost(output))
+        self._unneeded.clear()
 
     def _is_demanded(self, output: str, demand: Demand) -> bool:
         """Return True when bytes are demanded that cannot be read."""

@@ -58,15 +58,6 @@ class VerifyResult:
         return not (self.damaged or self.missing or self.changed)
 
 
-@dataclass
-class GcResult:
-    """Number and size of files that gc deleted, or would delete."""
-
-    files: int = 0
-    bytes: int = 0
-    dry_run: bool = False
-
-
 def lineage(store: Store, index: Index, artifact: str) -> Provenance:
     """Provenance of an artifact.
 
@@ -191,53 +182,6 @@ def rewrite(index: Index, rows: Iterable[list[Any]]) -> None:
         (index.root / "traces" / former).unlink(missing_ok=True)
     index.load(cached=False)
     index.write()
-
-
-def gc(store: Store, index: Index, dry_run: bool = False) -> GcResult:
-    """Keep what the last use of every shard reaches: traces, outputs, inputs. Delete the rest.
-
-    With `dry_run` the rest is only counted.
-    """
-    swept = GcResult(dry_run=dry_run)
-    keys, keep = index.latest_keys(), set(_reached(store, index))
-    blobs = {entry.blob for digest in keep if (found := store.find(digest)) for entry in found.files}
-    swept.files += len(index) - len(keys)
-    for blob in list(_stored(store.root / "blobs")):
-        if blob not in blobs:
-            _drop(store.path("blobs", blob), swept)
-    codes = {f"{trace.code}.json" for trace in index.all() if trace.key in keys}
-    unused = [path for path in (store.root / "code").glob("*") if path.name not in codes]
-    torn = (path for room in ("blobs/??", "traces", "code") for path in (store.root).glob(f"{room}/.*"))
-    for old in (*unused, *(store.root / "damaged").iterdir(), *torn):
-        _drop(old, swept)
-    for folder in (store.root / "scratch").iterdir():
-        swept.bytes += sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
-        if not dry_run:
-            shutil.rmtree(folder, ignore_errors=True)
-    if not dry_run and (len(index) > len(keys) or len(segment_names(index.root)) > 1):
-        rewrite(index, list(_kept_rows(index, keys, keep)))
-        store.renew()
-        store.save()
-    return swept
-
-
-def _kept_rows(index: Index, keys: set[str], keep: set[str]) -> Iterator[list[Any]]:
-    """Rows of the kept traces and artifacts, and of the last uses; failures are not kept."""
-    for name in segment_names(index.root):
-        for _, line in lines(read_from(index.root, name, 0)):
-            row = decode(line)
-            if row is None or (row[0] == "trace" and row[1] not in keys) or (row[0] == "artifact" and row[1] not in keep):
-                continue
-            if row[0] not in ("failure", "forget") and not (row[0] == "drop" and row[2] not in keep):
-                yield row
-
-
-def _drop(path: Path, swept: GcResult) -> None:
-    with suppress(FileNotFoundError):
-        swept.bytes += path.stat().st_size
-        swept.files += 1
-        if not swept.dry_run:
-            path.unlink()
 
 
 def sweep(root: Path, index: Index) -> None:

@@ -6,45 +6,102 @@ import os
 import signal
 import sys
 import threading
+import time
 from functools import partial
 from importlib.machinery import SOURCE_SUFFIXES, FileFinder, SourceFileLoader
 from importlib.util import cache_from_source
-from multiprocessing.connection import Connection
 from pathlib import Path
 from types import CodeType
+from typing import Any
 
 from runner.canonical import file_digest
-from runner.execute import LOADED, Workplace, execute
+from runner.channel import Channel
+from runner.counters import Counters
+from runner.execute import LOADED, Job, Workplace, execute
 from runner.files import stamp
+from runner.memory import resident_mib
+
+DELAY_S = 0.02
+"""longest time that a message waits for others, so that many short jobs share one"""
 
 
-def main(jobs_fd: str, lifeline_fd: str) -> None:
+def main(channel_fd: str, lifeline_fd: str, counters_fd: str) -> None:
     """Run batches of jobs until the scheduler closes the connection; the first message is the worker's spec.
 
-    `lifeline_fd` is a pipe whose other end only the scheduler holds, so that it closes when the scheduler dies. Output of
-    stages and libraries goes to stderr; stdout belongs to the scheduler.
+    `lifeline_fd` is a pipe whose other end only the scheduler holds, so that it closes when the scheduler dies. `counters_fd` is
+    the file in which the scheduler reads, after the death of this process, which job ran. Output of stages and libraries goes to
+    stderr; stdout belongs to the scheduler.
     """
     os.dup2(2, 1)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     threading.Thread(target=_die_with_parent, args=(int(lifeline_fd),), daemon=True).start()
-    jobs = Connection(int(jobs_fd))
-    spec, offsets = jobs.recv()
+    channel, counters = Channel(int(channel_fd)), Counters(int(counters_fd))
+    spec, offsets = channel.receive()
     load_from_source(spec.root)
-    place = Workplace(spec, offsets)
+    place, outbox = Workplace(spec, offsets), Outbox(channel)
     while True:
         try:
-            batch = jobs.recv()
+            batch = channel.receive()
         except EOFError:
             place.close()
             return
-        for job in batch:
-            jobs.send(("started", job.key, None))
-            jobs.send(("done", job.key, execute(job, place, partial(_report, jobs, job.key))))
+        _run(batch, place, outbox, counters)
 
 
-def _report(jobs: Connection, key: str, done: int, total: int) -> None:
-    jobs.send(("progress", key, (done, total)))
+def _run(batch: list[Job], place: Workplace, outbox: Outbox, counters: Counters) -> None:
+    """Execute a batch; the last message is the size of this process, MiB."""
+    for job in batch:
+        counters.begin()
+        outbox.add(("started", job.key, None))
+        result = execute(job, place, partial(_report, outbox, job.key))
+        counters.finish()
+        outbox.add(("done", job.key, result))
+    outbox.add(("idle", "", resident_mib()))
+    outbox.flush()
+
+
+def _report(outbox: Outbox, key: str, done: int, total: int) -> None:
+    outbox.add(("progress", key, (done, total)))
+
+
+class Outbox:
+    """Messages to the scheduler, sent together: at once if none was sent in the last DELAY_S, otherwise by a thread."""
+
+    def __init__(self, channel: Channel) -> None:
+        self._channel, self._lock, self._wake = channel, threading.Lock(), threading.Event()
+        self._messages: list[tuple[str, str, Any]] = []
+        self._sent = 0.0
+        threading.Thread(target=self._send_late, daemon=True).start()
+
+    def add(self, message: tuple[str, str, Any]) -> None:
+        """Send a message within DELAY_S; a report of progress replaces the one before it."""
+        with self._lock:
+            if self._messages and message[0] == "progress" and self._messages[-1][:2] == message[:2]:
+                self._messages.pop()
+            self._messages.append(message)
+            if time.monotonic() - self._sent >= DELAY_S:
+                self._send()
+        if self._messages and not self._wake.is_set():
+            self._wake.set()
+
+    def flush(self) -> None:
+        """Send all messages now."""
+        with self._lock:
+            self._send()
+
+    def _send(self) -> None:
+        if self._messages:
+            self._channel.send(self._messages)
+            self._messages = []
+            self._sent = time.monotonic()
+
+    def _send_late(self) -> None:
+        while True:
+            self._wake.wait()
+            time.sleep(DELAY_S)
+            self._wake.clear()
+            self.flush()
 
 
 def load_from_source(root: Path) -> None:

@@ -22,7 +22,7 @@ from schemas.video import Clip, Frames
 LIBRARIES = ("numpy", "opencv-python-headless", "numba", "scipy", "torch", "safetensors")
 BACKEND_LIBRARIES = {"sam3": ("transformers", "tokenizers")}
 THREADS = 1
-MEMORY_GIB = 2.5
+MEMORY_GIB = 1.5
 BACKEND_MEMORY_GIB = {"sam3": 6.0}
 BACKEND_GPUS = {"sam3": "sam3.device"}
 GPU_SHARED = True

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 LIBRARIES = ("numpy", "torch", "safetensors", "opencv-python-headless", "protobuf", "blake3")
 THREADS = 1
-MEMORY_GIB = 3.0
+MEMORY_GIB = 1.5
 
 
 @dataclass(frozen=True)

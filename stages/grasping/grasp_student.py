@@ -23,7 +23,7 @@ from schemas.training import Trained
 LIBRARIES = ("numpy", "scipy", "torch", "mujoco", "gymnasium", "numba", "trimesh", "pillow", "safetensors",
              "protobuf", "blake3", "pybullet")
 THREADS = 1
-MEMORY_GIB = 3.0
+MEMORY_GIB = 1.5
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from schemas.spec import Context
 LIBRARIES = ("numpy", "numba", "scipy", "scikit-image", "trimesh", "opencv-python-headless", "av", "blake3", "safetensors",
              "pycocotools", "zstandard", "pybullet", "gymnasium")
 THREADS = 1
-MEMORY_GIB = 2.0
+MEMORY_GIB = 1.5
 SCRATCH_GIB = 0.5
 
 

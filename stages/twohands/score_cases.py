@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 LIBRARIES = ("numpy", "opencv-python-headless", "scipy", "pyarrow", "pillow", "scikit-image")
 THREADS = 1
-MEMORY_GIB = 1.0
+MEMORY_GIB = 1.5
 
 
 @dataclass(frozen=True)

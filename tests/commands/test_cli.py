@@ -132,7 +132,8 @@ def test_explain_names_the_known_clips(made: Made) -> None:
     assert "Valid: P" in result and "*" not in result
 
 
-READING_VERBS = [("verify",), ("gc",), ("lineage", "0000"), ("status",), ("explain",), ("inspect", "abcd")]
+READING_VERBS = [("verify",), ("gc",), ("du",), ("lineage", "0000"), ("status",), ("explain",), ("stale",), ("inspect", "abcd"),
+                 ("runs",), ("runs", "diff", "last", "last"), ("runs", "timeline")]
 
 
 @pytest.mark.parametrize("words", READING_VERBS, ids=" ".join)
@@ -158,8 +159,8 @@ def test_a_store_cannot_be_a_file(inside: str, tmp_path: Path) -> None:
 
 def test_a_verb_alone_shows_help() -> None:
     """The program lists its verbs, and each verb has a help text."""
-    verbs = ("run", "status", "explain", "graph", "lineage", "verify", "gc", "inspect", "export", "params", "predict", "grasp",
-             "demo")
+    verbs = ("run", "status", "explain", "stale", "graph", "runs", "lineage", "verify", "gc", "du", "inspect", "export", "params",
+             "predict", "grasp", "demo")
     helped = call("--help")
     assert helped.code == 0 and all(verb in helped.out for verb in verbs)
     assert all(call(verb, "--help").code == 0 for verb in verbs)

@@ -49,9 +49,9 @@ EXCEPTIONS = {
 OTHER_PROGRAMS = {"aria2c": "downloads data sets", "export": "sets a variable of the shell", "cd": "changes the folder",
                   "mkdir": "creates a folder"}  # fmt: skip
 """programs outside the project, which are not checked -> their purpose"""
-GRAPH_VERBS = ("run", "status", "explain", "graph")
+GRAPH_VERBS = ("run", "status", "explain", "graph", "stale")
 """verbs whose targets, stages and settings are resolved"""
-READ_ONLY = ("check", "inspect", "lineage", "verify", "gc", "params", "fetch-list", "export")
+READ_ONLY = ("check", "inspect", "lineage", "verify", "gc", "params", "fetch-list", "export", "runs", "du")
 """verbs that run on the small store"""
 
 
@@ -254,19 +254,22 @@ def test_documented_read_only_commands_run(made: Made, tmp_path: Path) -> None:
              "...": one, "artifacts/recordings/<source>/<clip>.mcap": one, "A.mcap": one, "B.mcap": other, "OUT": tmp_path / "out",
              "artifacts/datasets/synthetic": made.store / "datasets" / made.source.name, "54988922675c": "mask_densify"}
     ran = set()
+    mine = made.copy(tmp_path / "mine")
+    assert all(mine.run("dataset", "--force", "sample_assemble").code == 0 for _ in range(2))  # two runs to compare and to draw
     for command in documented():
         words = next((command.words[len(alias):] for alias in ALIASES if command.words[: len(alias)] == alias), ())
         if not words or words[0] not in READ_ONLY or command.inline or "--rerun" in words:
             continue
         given = [names.get(word, recordings if word.startswith("artifacts/recordings/") else word) for word in words]
-        given = [tmp_path / word if isinstance(word, str) and re.search(r"\.(png|rrd|json)$", word) else word for word in given]
+        given = [tmp_path / word if isinstance(word, str) and re.search(r"\.(png|svg|rrd|json)$", word) else word for word in given]
         if words[0] == "inspect" and given[1] == "mask_densify":
             given[1] = made.ask("lineage", "mask_densify", "--json", source=False).json["digest"][:12]
         if words[0] == "export":
             given[2] = tmp_path / f"out-{len(ran)}"
-        needs_store = words[0] in ("inspect", "lineage", "verify", "gc", "export")
+        needs_store = words[0] in ("inspect", "lineage", "verify", "gc", "export", "runs", "du")
+        store = mine.store if words[0] in ("runs", "gc") else made.store
         source = ["--source", made.source] if words[0] == "export" else []
-        done = call(*given, *source, *(["--store", made.store] if needs_store else []))
+        done = call(*given, *source, *(["--store", store] if needs_store else []))
         assert done.code == (1 if "--diff" in words else 0), f"{command.where}: {' '.join(map(str, given))}: {done.words}"
         ran.add(words[0])
     assert ran == set(READ_ONLY)
