@@ -199,7 +199,7 @@ class Pool:
 
 
 def _death(status: int) -> str:
-    """How a worker process ended, from its exit status."""
+    """Describe the end of a worker process, from its exit status."""
     names = {signal.value: signal.name for signal in signals.Signals}
     how = f"signal {names.get(-status, -status)}" if status < 0 else f"exit status {status}"
     hint = "; the usual cause is lack of memory: raise MEMORY_GIB of the stage or lower --jobs" if status == -9 else ""

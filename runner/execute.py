@@ -34,7 +34,7 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True)
 class JobSpec:
-    """What all shards of a stage share; it travels to a worker once per batch."""
+    """Part of a job that all shards of a stage share; it travels to a worker once per batch."""
 
     stage: str
     function: str
@@ -139,7 +139,7 @@ class JobCatalog:
 
 
 class Workplace:
-    """What a process needs to execute jobs: the store, its segment, leases on keys, and the results of other runs."""
+    """Tools of a process that executes jobs: the store, its segment, leases on keys, and the results of other runs."""
 
     def __init__(self, spec: WorkerSpec, offsets: Mapping[str, int] = MappingProxyType({})) -> None:
         self.spec, self.others = spec, OtherRuns(spec.store, spec.session, offsets)

@@ -86,7 +86,7 @@ class Manifest(NamedTuple):
 
 
 class Index:
-    """All traces, artifacts, uses, drops and failures of a store."""
+    """Traces, artifacts, uses, drops and failures of a store."""
 
     def __init__(self, root: Path, session: str | None = None) -> None:
         self.root, self.session = root, session or new_session()
@@ -420,7 +420,7 @@ class Index:
         return self._reasons[self._rows[key]]
 
     def keys(self) -> list[str]:
-        """All keys with a trace."""
+        """Keys with a trace."""
         return list(self._rows)
 
     def results(self) -> Iterator[tuple[str, str]]:

@@ -80,7 +80,7 @@ class KeyLeases:
         self._lock(key, fcntl.F_UNLCK)
 
     def is_free(self, key: str) -> bool:
-        """Return True when nobody holds the key; it is not locked."""
+        """Return True when no process holds the key; it is not locked."""
         if not self.acquire(key):
             return False
         self.release(key)

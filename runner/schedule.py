@@ -283,7 +283,7 @@ class Schedule:
         return self._budget.fits(self._planner.spec(task.node).resources)
 
     def _unpark(self) -> None:
-        """Queue tasks that another run executed, once nobody holds their key."""
+        """Queue tasks that another run executed, once their keys are free."""
         now, parked = time.monotonic(), list[tuple[float, Task, Reason]]()
         for due, task, reason in self._parked:
             if due <= now and self._leases.is_free(task.key):

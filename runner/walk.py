@@ -58,7 +58,7 @@ class Walk:
         self._targets = {node.id for node in wanted}
         self.outcome: dict[NodeShard, str] = {}
         self.remade: list[NodeShard] = []
-        """withdrawn node shards that have an outcome again; whoever waits for them empties the list"""
+        """withdrawn node shards that have an outcome again; the schedule takes them off the list"""
         self.paths: dict[tuple[int, ...], dict[ShardPath, None]] = defaultdict(dict)
         self.paths[()] = {(): None}
         self._below: dict[tuple[tuple[int, ...], int], dict[ShardPath, list[ShardPath]]] = defaultdict(lambda: defaultdict(list))

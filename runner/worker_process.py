@@ -27,7 +27,7 @@ LEAVE_S = 10.0
 
 @dataclass(frozen=True)
 class Ended:
-    """What a worker leaves behind."""
+    """Jobs and messages that a worker leaves behind."""
 
     status: int
     """exit status; negative: the signal"""

@@ -98,7 +98,7 @@ def test_a_child_process_of_a_stage_shares_the_compiled_code(compiled: tuple[Pat
 
 
 def test_collection_deletes_folders_that_fit_no_source(mine: tuple[Path, str]) -> None:
-    """Also those of an earlier version; the present ones stay, and recent ones if a number of days is given."""
+    """Folders of an earlier version are deleted as well; the present ones stay, and recent ones if a number of days is given."""
     folder, script = mine
     edit(folder / "code/pkg/far.py", "2", "3")
     assert output(script) == [63, 0]

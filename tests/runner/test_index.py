@@ -22,7 +22,7 @@ def project(tmp_path: Path) -> Project:
 
 
 def contents(store: Path) -> tuple[object, ...]:
-    """Everything that an index answers."""
+    """Answers of an index."""
     index = Index(store)
     traces = sorted((trace.key, trace.output, trace.reason, trace.finished) for trace in index.all())
     return (traces, sorted(index.bodies().items()), {stage: index.shards(stage) for stage in sorted(index.stages())},
@@ -51,7 +51,7 @@ def test_manifests_keep_every_name() -> None:
 
 
 def test_the_saved_index_equals_the_segments(project: Project) -> None:
-    """With a saved index, with rows behind it, and without one."""
+    """The index is saved, then saved with rows behind it, then missing."""
     project.run("ab", "bad")
     project.edit("toy/helper.py", '"!"', '"?"')
     project.run("ab")
@@ -66,7 +66,7 @@ def test_the_saved_index_equals_the_segments(project: Project) -> None:
 
 
 def test_a_new_row_does_not_write_the_index_again(project: Project) -> None:
-    """It is only appended to a segment."""
+    """The row is only appended to a segment."""
     project.run("ab")
     Index(project.store).write()
     before = os.stat(project.store / ".cache" / "index.json").st_mtime_ns
@@ -93,7 +93,7 @@ def test_a_saved_index_that_does_not_fit_is_rebuilt(change: str, project: Projec
 
 
 def test_a_torn_line_is_skipped_and_removed(project: Project) -> None:
-    """As after a kill in the middle of a write."""
+    """A kill in the middle of a write leaves such a line."""
     project.run("ab")
     path = project.store / "traces" / segment_names(project.store)[0]
     with path.open("ab") as file:
@@ -104,7 +104,7 @@ def test_a_torn_line_is_skipped_and_removed(project: Project) -> None:
 
 
 def test_segments_are_merged_when_there_are_many(project: Project) -> None:
-    """Nothing is lost, whatever the order of their names."""
+    """The merged segment has every row, whatever the order of the names."""
     project.run("ab")
     index = Index(project.store)
     for number in range(MANY_SEGMENTS + 1):
@@ -131,7 +131,7 @@ def test_a_segment_has_one_writer_that_holds_its_lock(tmp_path: Path) -> None:
 
 
 def test_a_key_has_one_holder(tmp_path: Path) -> None:
-    """In this process or another; the lease goes with its process, and no other key is touched."""
+    """The holder is in this process or another; the lease goes with its process, and no other key is touched."""
     (tmp_path / "leases").mkdir()
     mine, other = KeyLeases(tmp_path), KeyLeases(tmp_path)
     key, second = "ab" * 32, "cd" * 32
@@ -149,7 +149,7 @@ def test_a_key_has_one_holder(tmp_path: Path) -> None:
 
 
 def test_the_index_holds_uses_in_the_order_of_time(project: Project) -> None:
-    """After an undo the older trace is the last use, also when segments are read in another order."""
+    """The older trace is the last use after an undo, also when segments are read in another order."""
     project.run("ab")
     project.edit("toy/helper.py", '"!"', '"?"')
     project.run("ab")

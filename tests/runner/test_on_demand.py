@@ -38,15 +38,15 @@ def chain(*words: str, backend: str = "plain", wanted: str = "join") -> Graph:
     return g
 
 
-def test_nothing_runs_while_nobody_needs_the_bytes(project: Project) -> None:
-    """All intermediates are deleted; the wanted output is there, and stays the same."""
+def test_missing_bytes_without_a_reader_run_nothing(project: Project) -> None:
+    """Intermediates are deleted; the wanted output is there, and stays the same."""
     first = project.runner().run(chain("ab", "cd"), "all")
     remove(project, "split", "shout", "pair")
     project.executed()
     again = project.runner().run(chain("ab", "cd"), "all")
     assert again.ran == {} and again.outputs == first.outputs and not project.executed()
     assert {plan.status for plan in project.runner().plan(chain("ab", "cd"), "all")} == {"cached"}
-    assert project.runner().verify().ok, "bytes that nobody needs are not missing"
+    assert project.runner().verify().ok, "bytes without a reader are not missing"
 
 
 @pytest.mark.parametrize("jobs", [0, 2])
@@ -60,7 +60,7 @@ def test_producers_run_again_for_a_task_that_must_run(jobs: int, project: Projec
     assert project.executed() == {"split": 1, "shout": 2, "pair": 2, "join": 1}
 
 
-def test_only_the_shards_behind_a_change_run_again(project: Project) -> None:
+def test_shards_behind_a_change_run_again_alone(project: Project) -> None:
     """One word of three is new; the bytes of the other words are not computed again, except where the list needs them."""
     project.runner().run(chain("ab", "cd", "ef"), "all")
     remove(project, "split", "shout")
@@ -70,7 +70,7 @@ def test_only_the_shards_behind_a_change_run_again(project: Project) -> None:
 
 
 def test_a_plan_lists_the_producers_that_would_run_again(project: Project) -> None:
-    """With the reason; what follows from an output that stays the same is not pending."""
+    """Each has its reason; what follows from an output that stays the same is not pending."""
     project.runner().run(chain("ab"), "all")
     remove(project, "split", "shout")
     plans = project.runner().plan(chain("ab"), "all", force=["pair"])
@@ -93,7 +93,7 @@ def test_a_wanted_output_is_computed_again(project: Project) -> None:
 
 @pytest.mark.parametrize("form", ["collect", "straight", "pick", "pick_collect", "gather", "each"])
 def test_every_form_of_edge_brings_its_bytes_back(form: str, project: Project) -> None:
-    """Everything but the wanted output is deleted, and its stage must run."""
+    """Blobs are all deleted, so that the wanted stage must run."""
     first = project.runner().run(forms(), form)
     for path in (project.store / "blobs").glob("??/*"):
         path.unlink()
@@ -102,7 +102,7 @@ def test_every_form_of_edge_brings_its_bytes_back(form: str, project: Project) -
     assert [project.runner().load(digest) for made in report.outputs.values() for _, digest in made]
 
 
-def test_a_damaged_output_is_repaired_although_nobody_needs_it(project: Project) -> None:
+def test_a_damaged_output_without_a_reader_is_repaired(project: Project) -> None:
     """Missing bytes are tolerated, wrong ones are not."""
     project.runner().run(chain("ab"), "all")
     runner = project.runner()

@@ -107,7 +107,7 @@ def started(engine: Engine, job: Job) -> None:
 @pytest.mark.parametrize("kind", [Inline, Pool])
 def test_a_job_is_started_then_done_and_jobs_of_a_batch_run_in_order(kind: Any, work: Work,
                                                                      monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nothing is in flight after the last message, and waiting then takes no time."""
+    """The engine is empty after the last message, and waiting then takes no time."""
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).resolve().parents[1] / "toy_domain"))
     monkeypatch.syspath_prepend(str(work.spec.root))
     engine = kind(work.spec)
@@ -115,8 +115,8 @@ def test_a_job_is_started_then_done_and_jobs_of_a_batch_run_in_order(kind: Any, 
     engine.submit(jobs)
     results, seen = finish(engine, jobs)
     assert {result.status for result in results.values()} == {"ran"}
-    told = [(what, key) for what, key, _ in seen if what != "progress"]
-    assert told == [(what, job.key) for job in jobs for what in ("started", "done")]
+    shown = [(what, key) for what, key, _ in seen if what != "progress"]
+    assert shown == [(what, job.key) for job in jobs for what in ("started", "done")]
     reports = [payload for what, _, payload in seen if what == "progress"]
     assert reports and reports == sorted(reports) and seen[-1][0] == "done"
     assert engine.wait(None) == []
@@ -160,7 +160,7 @@ def test_workers_that_cannot_start_blame_every_job(work: Work, pool: Pool) -> No
 
 
 def test_processes_that_outlive_a_worker_do_not_hide_its_death(work: Work, pool: Pool, tmp_path: Path) -> None:
-    """They hold its connection; they are killed with it."""
+    """The processes hold its connection, and are killed with it."""
     jobs = work.jobs(f"child {tmp_path / 'pid'}")
     pool.submit(jobs)
     assert statuses(pool, jobs) == ["died"]
@@ -213,7 +213,7 @@ def test_reports_of_progress_restart_the_clock(work: Work, pool: Pool) -> None:
 
 
 def test_a_start_is_reported_while_the_job_runs(work: Work, pool: Pool) -> None:
-    """Also for a slow job after quick ones, whose results are reported then."""
+    """A slow job follows quick ones, whose results are reported then."""
     jobs = work.jobs("a", "b", "sleep 600")
     pool.submit(jobs)
     seen: list[Message] = []
@@ -223,7 +223,7 @@ def test_a_start_is_reported_while_the_job_runs(work: Work, pool: Pool) -> None:
 
 
 def test_an_ended_job_is_not_reported_and_the_others_are_returned(work: Work, pool: Pool) -> None:
-    """Also when the end comes again, or for a job that is not there."""
+    """A second end of the job, or of an unknown one, has no effect."""
     jobs = work.jobs("a", "sleep 600", "b", "c")
     pool.submit(jobs)
     started(pool, jobs[1])
@@ -254,7 +254,7 @@ def pids(work: Work, pool: Pool, rounds: int, what: str = "pid", gpus: tuple[str
 
 
 def test_workers_are_replaced_after_many_jobs_or_when_they_have_grown(work: Work, pool: Pool) -> None:
-    """Between two batches; the old process ends by itself."""
+    """The replacement starts between two batches; the old process ends by itself."""
     pool._max_jobs, pool._max_growth_mib = 3, 1000.0
     first = pids(work, pool, 7)
     assert first[0] == first[2] != first[3] == first[5] != first[6]
@@ -266,7 +266,7 @@ def test_workers_are_replaced_after_many_jobs_or_when_they_have_grown(work: Work
 
 
 def test_a_worker_sees_the_gpus_of_its_grant(work: Work, pool: Pool, monkeypatch: pytest.MonkeyPatch) -> None:
-    """It keeps them for life; another combination replaces it, and tasks without GPU keep their own worker."""
+    """The worker keeps them for life; another combination replaces it, and tasks without GPU keep their own worker."""
     monkeypatch.delenv("CUDA_VISIBLE_DEVICES", raising=False)
     (plain,) = pids(work, pool, 1)
     first = pids(work, pool, 2, "pid", ("1",))
@@ -292,7 +292,7 @@ def test_close_ends_idle_and_busy_workers(work: Work, pool: Pool) -> None:
 
 
 def test_a_large_batch_does_not_stop_the_scheduler() -> None:
-    """What the socket does not take is sent later, in order; a reader sees whole messages only."""
+    """Bytes that the socket does not take are sent later, in order; a reader sees whole messages only."""
     import socket
 
     ours, theirs = socket.socketpair()
@@ -309,7 +309,7 @@ def test_a_large_batch_does_not_stop_the_scheduler() -> None:
     assert scheduler.arrived() == [] and not scheduler.ended
     worker.close()
     assert scheduler.arrived() == [] and scheduler.ended
-    scheduler.post("to nobody")
+    scheduler.post("to no reader")
     scheduler.push()
     assert not scheduler.pending
     scheduler.close()

@@ -65,7 +65,7 @@ def test_a_task_may_name_its_gpu() -> None:
     assert sorted(budget.take(TRAINING).held + budget.take(TRAINING).held) == ["4", "6"]
 
 
-def test_where_no_gpu_is_found_one_is_assumed() -> None:
+def test_one_gpu_is_assumed_where_none_is_found() -> None:
     """Tasks for a GPU run one after another in an unchanged environment, beside tasks without."""
     budget = Budget(16, 64.0, [])
     grant = budget.take(Resources(gpus=2))
@@ -89,7 +89,7 @@ def test_scratch_space_is_compared_with_the_free_disk_space(tmp_path: Path) -> N
 
 
 def test_gpus_are_found_by_the_variable_then_by_the_driver(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """As CUDA counts them; `nvidia-smi` is the last resort, and its absence means none."""
+    """CUDA counts them in this way; `nvidia-smi` is the last resort, and its absence means none."""
     assert find_gpus({"CUDA_VISIBLE_DEVICES": "2, GPU-a,-1,3"}) == ("2", "GPU-a")
     assert find_gpus({"CUDA_VISIBLE_DEVICES": ""}) == ()
     for name in ("0000:01:00.0", "0000:02:00.0"):
