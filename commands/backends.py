@@ -11,7 +11,7 @@ import json as encoder
 import os
 import re
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -23,11 +23,14 @@ from rich.padding import Padding
 
 from afford.common.registry import block
 from commands.errors import UsageError, unknown
+from commands.memory import measured_by_selection
+from commands.session import STORE, open_existing
 from commands.settings import settings
 from maps.settings import SYSTEM_OF, Settings
+from runner import is_store
 from runner.fingerprint import fingerprint
 from runner.modules import Modules
-from runner.selection import selector
+from runner.selection import declarations, selector
 
 ROOT = Path(__file__).resolve().parent.parent
 DECLARATIONS = ("WEIGHTS", "SERVER", "EXTRA", "PACKAGES")
@@ -161,6 +164,8 @@ class Row:
     needs: str
     usable: bool
     why_not: str
+    resources: str = ""
+    """memory, declared and measured, and the parameter that chooses a GPU"""
 
 
 def show(stage: str | None, sets: Iterable[str], file: Path | None, json: bool, out: Path | None) -> int:
@@ -188,7 +193,8 @@ def rows(chosen: Settings, stage: str = "") -> list[Row]:
     if stage and stage not in owners:
         raise unknown("stage with backends", stage, owners)
     wanted = [one for one in all_backends() if stage in ("", one.stage)]
-    return [_row(one, _params(chosen, one.stage)) for one in wanted]
+    measured = measured_by_selection(open_existing()) if is_store(STORE) else {}
+    return [_row(one, _params(chosen, one.stage), measured) for one in wanted]
 
 
 def _params(chosen: Settings, stage: str) -> Any:
@@ -202,7 +208,7 @@ def markdown(found: list[Row]) -> str:
     return "\n".join([*lines, *(f"| {row.parameter} | `{row.backend}` | {row.about} | {row.needs} |" for row in found)]) + "\n"
 
 
-def _row(backend: Backend, params: Any) -> Row:
+def _row(backend: Backend, params: Any, measured: Mapping[tuple[str, str, str], float]) -> Row:
     owner, field = backend.stage, selector(backend.registry)
     chosen_by = f"{owner}.{field}" if backend.owner != owner else f"{owner}:{backend.registry}"
     wants = [f"weights: {backend.weights}"] if backend.weights else []
@@ -210,7 +216,20 @@ def _row(backend: Backend, params: Any) -> Row:
     wants += [f"extra `{backend.extra}`"] if backend.extra else []
     reasons = (_packages(backend), _weights(backend, owner, params), _server(backend, owner, params))
     why = "; ".join(reason for reason in reasons if reason)
-    return Row(owner, chosen_by, backend.name, backend.about, "; ".join(wants), not why, why)
+    return Row(owner, chosen_by, backend.name, backend.about, "; ".join(wants), not why, why, _resources(backend, field, measured))
+
+
+def _resources(backend: Backend, field: str, measured: Mapping[tuple[str, str, str], float]) -> str:
+    """Declared and measured memory of a backend, and its GPUs; '' for a registry outside the stages."""
+    if not backend.owner.startswith("stages."):
+        return ""
+    declared = declarations(_modules(), backend.owner, {field: backend.name})
+    peak = measured.get((backend.owner, field, backend.name))
+    parts = [f"memory {declared['MEMORY_GIB']:g} GiB" + (f", measured {peak:.1f}" if peak else "")]
+    for gpus in declared["GPUS"]:
+        named = gpus if isinstance(gpus, str) else ", ".join(gpus) if isinstance(gpus, list) else ""
+        parts.append(f"GPU by {named}" if named else f"GPUs: {gpus}")
+    return "; ".join(parts)
 
 
 def _packages(backend: Backend) -> str:
@@ -272,7 +291,7 @@ def _print(found: list[Row]) -> None:
         console.print(f"[bold]{row.parameter}[/] = [bold]{row.backend}[/]  {here}", highlight=False, overflow="fold")
         needs = f"needs {row.needs}" if row.needs else ""
         why = f"not usable here: {row.why_not}" if row.why_not else ""
-        for text in filter(None, (row.about, needs, why)):
+        for text in filter(None, (row.about, needs, row.resources, why)):
             console.print(Padding(escape(text), (0, 0, 0, 4)), highlight=False, overflow="fold")
 
 

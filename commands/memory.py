@@ -49,6 +49,18 @@ def stage_memory(runner: Runner, graph: Graph, report: RunReport) -> dict[str, S
     return found
 
 
+def measured_by_selection(runner: Runner) -> dict[tuple[str, str, str], float]:
+    """Largest peak in GiB of the tasks in a store, by (module of the stage, parameter, its value), such as a backend."""
+    found: dict[tuple[str, str, str], float] = {}
+    for trace in runner.traces.all():
+        module = trace.function.partition(":")[0]
+        for name, value in (trace.params or {}).get("fields", {}).items():
+            if isinstance(value, str):
+                key = module, name, value
+                found[key] = max(found.get(key, 0.0), trace.peak_rss_mib / 1024)
+    return found
+
+
 def show_memory_warnings(memory: Mapping[str, StageMemory], ran: Iterable[str]) -> None:
     """Print a line for each stage that ran and needed clearly more memory than it declares."""
     console = Console(stderr=True, width=None if sys.stderr.isatty() else 1000)

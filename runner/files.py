@@ -11,9 +11,7 @@ from __future__ import annotations
 
 import json
 import os
-import socket
 import time
-import uuid
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -58,12 +56,12 @@ def stamp(path: str | Path) -> Stamp:
 @cache
 def host() -> str:
     """Name of this machine, as part of file names."""
-    return "".join(letter if letter.isalnum() else "-" for letter in socket.gethostname())[:40]
+    return "".join(letter if letter.isalnum() else "-" for letter in os.uname().nodename)[:40]
 
 
 def unique(name: str) -> str:
     """Return a hidden temporary name that is unique on all hosts: host, process id, random id."""
-    return f".{name}.{host()}-{os.getpid()}-{uuid.uuid4().hex[:8]}"
+    return f".{name}.{host()}-{os.getpid()}-{os.urandom(4).hex()}"
 
 
 def seal(tree: dict[str, Any], tag: str) -> bytes:

@@ -118,7 +118,7 @@ class Index:
         """artifact -> its kind and files, or children"""
         self._spec_trees: dict[str, dict[str, Any]] = {}
         self.drops: dict[str, str] = {}
-        """artifact whose bytes were deleted on purpose, or were found to be gone -> its stage"""
+        """artifact whose bytes were deleted on purpose, or were found to be gone -> its stage; they may be back by now"""
         self._failures: dict[str, list[Any]] = {}
         self._forgotten: dict[str, float] = {}
         """key -> time at which its trace was removed"""
@@ -229,7 +229,6 @@ class Index:
         kind = row[0]
         if kind == "artifact":
             self._bodies[row[1]] = body_of(row[2], row[3], row[4])
-            self.drops.pop(row[1], None)
         elif kind == "trace":
             self._take_trace(row, segment, offset)
         elif kind == "spec":

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import platform
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -161,6 +160,8 @@ def machine_kind() -> str:
     It consists of architecture, vector units (those of bfloat16 decide mixed precision), GPU, driver and Python version. Every
     trace records it, and it is part of the key of stages that declare MACHINE.
     """
+    import platform  # only where a stage depends on the machine
+
     parts = [platform.machine(), sys.platform, f"python{sys.version_info[0]}.{sys.version_info[1]}", *_vectors(), *_gpus()]
     forced = os.environ.get("OPENBLAS_CORETYPE")
     return " ".join([*parts, f"openblas={forced}"] if forced else parts)

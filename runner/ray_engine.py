@@ -56,7 +56,7 @@ OBJECT_STORE_BYTES = 100 << 20
 LOOPBACK_ONLY = "RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"
 """with 0, Ray binds all servers to 127.0.0.1, on every system"""
 AUTHENTICATION = {"RAY_AUTH_MODE", "RAY_AUTH_TOKEN", "RAY_AUTH_TOKEN_PATH"}
-"""variables by which a user chooses Ray's authentication; without them, a private cluster has a token that nobody else knows"""
+"""variables by which a user chooses Ray's authentication; without them, a private cluster has a token of its own"""
 FOLDER, MAX_PLACE = "afford-ray-", 13
 """prefix of the folder of a private cluster (logs, sockets), and longest path above it: a socket's path has at most 107 bytes"""
 MAX_LINE = 160
@@ -204,7 +204,7 @@ class RayEngine:
         return self._pickled[1:]
 
     def setting(self) -> dict[str, Any]:
-        """What a node needs to start a stage process, in plain types."""
+        """Settings from which a node starts a stage process, in plain types."""
         spec = self._spec
         return {"root": str(spec.root), "engine": str(Path(__file__).resolve().parent.parent), "store": str(spec.store),
                 "token": str(self._token), "codec": spec.codec, "worker": spec.worker, "schemas": list(spec.schemas),
@@ -336,7 +336,7 @@ class Cluster:
         return tuple(options.items()), ""
 
     def leave(self) -> None:
-        """Disconnect, unless the connection is somebody else's; a private cluster ends."""
+        """Disconnect, unless the connection was there before; a private cluster ends."""
         if self._ours:
             self._ray.shutdown()
         if self.folder:

@@ -1,4 +1,4 @@
-"""What runs inside a worker of Ray: unpack code, keep one stage process, hand it batches, report its results.
+"""Part of the engine inside a worker of Ray: unpack code, keep one stage process, send it batches, report its results.
 
 Stages run in a process of their own, as under the pool, because a Ray worker has imported Ray's own libraries, and because a stage
 that crashes then ends neither the Ray worker nor the report of its neighbours. This module travels by value, so it may import
@@ -114,7 +114,7 @@ def _ready(digest: str, parcel: list[Any]) -> dict[str, Any]:
 
 
 def base_folder() -> Path:
-    """Folder of this user on this node, private; NodeError when somebody else owns it."""
+    """Folder of this user on this node, private; NodeError when it has another owner."""
     base = Path(tempfile.gettempdir()) / f"afford-ray-{os.getuid()}"
     base.mkdir(mode=0o700, exist_ok=True)
     if base.lstat().st_uid != os.getuid() or base.is_symlink():
@@ -164,7 +164,7 @@ def holds(places: dict[str, str], files: list[Any]) -> bool:
 
 
 def _unpack(folder: Path, files: list[Any], data: bytes) -> None:
-    """Write the files into a new folder, verify them, and give it its name; remove code that nobody has used for long."""
+    """Write the files into a new folder, verify them, and give it its name; remove code that was not used for long."""
     folder.parent.mkdir(parents=True, exist_ok=True)
     fresh = folder.with_name(f".{folder.name[:16]}.{os.getpid()}-{uuid.uuid4().hex[:8]}")
     content, at = zlib.decompress(data), 0
@@ -293,7 +293,7 @@ class Slot:
         return len(report.done) - before
 
     def _death(self) -> str:
-        """How the process ended, in words."""
+        """Cause of the end of the process, in words."""
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(5)
         status = self._process.poll()

@@ -20,7 +20,6 @@ from __future__ import annotations
 import fcntl
 import json
 import os
-import uuid
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -95,7 +94,7 @@ class SegmentWriter:
         self._file, self.name, self.size = None, "", 0
 
     def _open(self) -> None:
-        name = f"{self._session}-{os.getpid()}-{uuid.uuid4().hex[:8]}{SUFFIX}"
+        name = f"{self._session}-{os.getpid()}-{os.urandom(4).hex()}{SUFFIX}"
         hidden = self._folder / f".{name}"
         file = os.open(hidden, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o644)
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -105,7 +104,7 @@ class SegmentWriter:
 
 def new_session() -> str:
     """Name of a run: host, process, random id."""
-    return f"{host()}-{os.getpid()}-{uuid.uuid4().hex[:8]}"
+    return f"{host()}-{os.getpid()}-{os.urandom(4).hex()}"
 
 
 def segment_names(root: Path) -> list[str]:

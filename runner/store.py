@@ -16,7 +16,6 @@ import errno
 import os
 import shutil
 from collections.abc import Iterable, Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Protocol
@@ -324,6 +323,8 @@ class Store:
                    for entry in (found.files if found else ()) if not entry.path and not os.path.exists(self._place(entry.blob))}
         if not missing:
             return
+        from concurrent.futures import ThreadPoolExecutor  # takes a tenth of a run with nothing to do
+
         with ThreadPoolExecutor(FETCHED_TOGETHER) as pool:
             lost = sorted(error.args for error in pool.map(self._fetch, missing) if error is not None)
         if lost:

@@ -89,6 +89,8 @@ class TaskPlanner:
         self._specs: dict[int, StageSpec] = {}
         self._jobs: dict[int, JobSpec] = {}
         self._kept: set[str] = set()
+        self._unneeded: list[tuple[str, str]] = []
+        """(stage, output) whose bytes are gone, and that nothing needed so far"""
         self._versions: dict[str, str] = {}
         self._schemas_of: dict[frozenset[str], tuple[dict[str, str], str]] = {}
 
@@ -127,9 +129,14 @@ class TaskPlanner:
         why = self._loss(output, state)
         if why == "output damaged" or state == "unknown" or self._is_demanded(output, demand):
             return "", Reason(why)
-        if why == "output lost" and not self.store.memo.plan_only:
-            self.index.drop(task.node.name, self.store.lost(output))
+        self._unneeded.append((task.node.name, output))
         return output, None
+
+    def note_losses(self) -> None:
+        """Record which outputs are gone and were not needed, so that `verify` does not report them."""
+        for stage, output in self._unneeded:
+            self.index.drop(stage, self.store.lost(output))
+        self._unneeded.clear()
 
     def _is_demanded(self, output: str, demand: Demand) -> bool:
         """Return True when bytes are demanded that cannot be read."""

@@ -74,6 +74,9 @@ class Walk:
                             for node in self.nodes if node.sort == "each"}
         self._expanded: dict[int, set[ShardPath]] = defaultdict(set)
         self._known: dict[int, int] = defaultdict(int)
+        self._published: dict[int, int] = defaultdict(int)
+        self._collected: dict[int, tuple[int, ...]] = {}
+        """collect -> number of outcomes and of expanded lists from which it was made last"""
         self._attempted: dict[NodeShard, tuple[str, ...]] = {}
         self._reopened: dict[NodeShard, str] = {}
         """node shards whose outcome was withdrawn, with that outcome"""
@@ -172,6 +175,7 @@ class Walk:
             self._known[node.id] += 1
             if self._reopened and self._reopened.pop(place, None) is not None:
                 self.remade.append(place)
+        self._published[node.id] += 1
         if outcome == FAILED:
             self._doom(node, path)
         self.outcome[place] = outcome
@@ -365,6 +369,11 @@ class Walk:
         source = self.graph.nodes[node.inputs[0][1]]
         if self._known[source.id] < len(self.paths[source.axes]) or not self._complete(source.axes):
             return
+        lists = [self.graph.nodes[axis].inputs[0][1] for axis in source.axes]
+        version = (*(self._published[at] for at in (source.id, *lists)), *(len(self._expanded[axis]) for axis in source.axes))
+        if self._collected.get(node.id) == version:  # the list was made after the last of its elements
+            return
+        self._collected[node.id] = version
         outcomes = [(path, self.outcome[source.id, path]) for path in self._ordered(source.axes)]
         if any(outcome == UNKNOWN for _, outcome in outcomes):
             self._settle(node, UNKNOWN)

@@ -11,6 +11,7 @@ from pathlib import Path
 from blake3 import blake3
 
 from benchmarks.pages import ROOT
+from benchmarks.reliability.toy import traced
 from tests.helpers.tiny_source import write_source
 
 END_S = 300.0
@@ -66,7 +67,7 @@ class Tiny:
 
     def traces(self) -> int:
         """Finished tasks."""
-        return len(list((self.store / "traces").glob("??/[!.]*.json")))
+        return len(traced(self.store))
 
 
 def _tail(message: str) -> str:

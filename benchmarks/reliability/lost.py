@@ -10,7 +10,7 @@ from tests.helpers.flipped_stores import FlippedStore, NoEndError, apart, last_l
 
 COUNTS = (1, 5, 40, 0)
 """files deleted at once; 0: a whole folder"""
-FOLDERS = ("blobs", "manifests", "traces", "code", ".cache", "leases", "scratch")
+FOLDERS = ("blobs", "traces", "code", ".cache", "leases", "scratch")
 
 
 def rows(plan: Plan) -> list[Row]:

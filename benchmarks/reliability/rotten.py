@@ -47,7 +47,7 @@ def _wrong(project: FlippedStore, form: str, jobs: int, extent: str, how: str, r
 
 
 def _healed(project: FlippedStore, form: str, jobs: int, extent: str, how: str, rng: random.Random) -> dict[str, Any]:
-    """Build, then force the consumer and damage its input when it starts."""
+    """Build, then force the consumer and damage its input before it starts."""
     runner = project.runner(jobs)
     graph = _graph(form)
     expected = runner.run(graph, "all").outputs
@@ -94,22 +94,25 @@ def paths(runner: Runner, digest: str) -> list[Path]:
 
 @dataclass
 class Damaging:
-    """An observer that damages files when a stage starts."""
+    """An observer that damages files when a task of a stage is about to be queued."""
 
     stage: str
     paths: list[Path]
     how: str
     rng: random.Random
 
-    def started(self, stage: str, shard: str, reason: Any) -> None:
+    def planned(self, stage: str, shard: str) -> None:
         """Damage the files, once: restored files stay sound."""
         if stage == self.stage:
             for path in self.paths:
                 damage(path, self.how, self.rng)
             self.paths = []
 
-    def planned(self, *_: Any) -> None:
-        """Ignore the plan."""
+    def started(self, *_: Any) -> None:
+        """Ignore starts: those of a batch are known late."""
+
+    def cached(self, *_: Any) -> None:
+        """Ignore hits."""
 
     def progress(self, *_: Any) -> None:
         """Ignore progress."""

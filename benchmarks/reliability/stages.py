@@ -72,6 +72,8 @@ def run(word: Word) -> Word:
 '''
 GOOD = ("prints 5 MB", "forks")
 """what a stage may do"""
+LATE = ("closes its files",)
+"""done by a stage whose output is stored before its worker ends; the run may fail the shard, or succeed"""
 DEEDS = ("segfault", "_exit(0)", "SystemExit", "KeyboardInterrupt", "MemoryError", "endless recursion", *GOOD, "closes its files")
 ENDS = {"segfault": "there is no process but the run's own", "_exit(0)": "there is no process but the run's own",
         "KeyboardInterrupt": "it is Ctrl-C in the run's own process", "closes its files": "they are the run's own"}  # fmt: skip
@@ -120,6 +122,8 @@ def _deed(plan: Plan, deed: str, jobs: int) -> Row:
     ended = toy.end(process, 60.0)
     design = not jobs and deed in ENDS and ended.code is not None and not ended.report
     wrong = [] if design else toy.wrong_end(project, ended) if deed in GOOD else _fails_alone(project, ended)
+    if deed in LATE and not toy.wrong_end(project, ended):
+        wrong = []
     if not jobs and deed == "KeyboardInterrupt" and not design:
         wrong = []  # failing the shard alone would be right, too
     row.count(wrong + toy.wrong_later(project, toy.descendants(process.pid), _kept(project, ended)))

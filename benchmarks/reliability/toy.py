@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from runner.index import Index
 from tests.helpers.flipped_stores import FlippedStore
 
 SCRIPT = Path(__file__).with_name("toy_run.py")
@@ -118,8 +119,17 @@ def _runs(pid: int) -> bool:
 
 
 def finished(project: FlippedStore) -> set[str]:
-    """Keys with a trace."""
-    return {path.parent.name + path.stem for path in (project.store / "traces").glob("??/[!.]*.json")}
+    """Keys with a trace, read from the segments alone."""
+    return traced(project.store)
+
+
+def traced(store: Path) -> set[str]:
+    """Keys with a trace in a store; none before its first run has made the folders."""
+    if not (store / "traces").exists():
+        return set()
+    index = Index(store)
+    index.load(cached=False)
+    return set(index.keys())
 
 
 def executions(project: FlippedStore) -> int:
@@ -149,7 +159,7 @@ def wrong_later(project: FlippedStore, pids: set[int], before: set[str] | None =
 
 def leftovers(store: Path) -> dict[str, int]:
     """Return scratch folders, locks and torn temporaries without an owner."""
-    locks = [path for path in (store / "leases").glob("*") if path.name not in ("store.lock", "index.lock")]
+    locks = [path for path in (store / "leases").glob("*") if path.name not in ("store.lock", "keys.lock")]
     torn = [path for path in store.rglob(".*") if path.is_file() and path.parent.name != "scratch"]
     return {"scratch folders": len(list((store / "scratch").iterdir())), "locks": len(locks), "torn temporaries": len(torn)}
 

@@ -9,8 +9,8 @@ from benchmarks.reliability.rows import Plan, Row
 from runner import Graph, Runner
 from tests.helpers.flipped_stores import FlippedStore
 
-NARROW = 60
-LATEST = 0.25
+NARROW, SLEEP_S = 60, 0.2
+LATEST = 0.5
 """share of the narrow tasks that may begin before the wide one"""
 STAGE = '''"""A word -> the same, with two cores"""
 
@@ -64,7 +64,7 @@ def rows(plan: Plan) -> list[Row]:
     places = []
     for n in range(plan.times(3, 1)):
         project = WideStore(plan.place(f"wide-{n}"), tuple(f"t{i:02d}" for i in range(NARROW))).write()
-        wrong = toy.wrong_end(project, toy.run(project, 2, 0.01))
+        wrong = toy.wrong_end(project, toy.run(project, 2, SLEEP_S))
         lines = [line.split()[0] for line in project.log.read_text().splitlines()]
         places.append(lines.index("wide") if "wide" in lines else len(lines))
         row.count(wrong + ([f"{places[-1]} of {NARROW} narrow tasks began before it"] if places[-1] > LATEST * NARROW else []))

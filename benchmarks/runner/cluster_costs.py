@@ -23,6 +23,8 @@ CLIP_FRAMES = 900
 """longest clip that `source_read` cuts (its parameter max_frames)"""
 READS, WRITES = 6, 2
 """stages that read the frames of a clip (docs/decisions/005), and stages that write frames: frame_decode, hand_inpaint"""
+MANY = 100_000
+"""tasks at which the memory of the driver was measured"""
 CLUSTERS = (64, 256, 1024)
 
 
@@ -115,6 +117,8 @@ def block(measured: Measured) -> str:
     lines += [row(f"wall on {cores:,} cores", [days(figure / cores) for figure in hours]) for cores in CLUSTERS]
     lines += [
         row("driver, CPU", each("{:,.1f} min", [count * measured.driver_us / 6e7 for count in tasks])),
+        row("driver, memory (in proportion to 100,000 tasks)",
+            each("{:,.1f} GiB", [count * measured.driver_mib / 1024 / MANY for count in tasks])),
         row("frames in the store, decoded and inpainted",
             each("{:,.1f} TB", [WRITES * measured.frame_bytes * corpus.frames / 1e12 for corpus in CORPORA])),
         row("hashing the media once, a TB", each("{:,.1f} CPU h", [1e3 * measured.media_cpu_s_per_gb / 3600] * len(CORPORA)))]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ from commands.summary import Summary, show_summary
 from runner import Graph, RunReport
 from schemas.files import FileTree
 from stages.extraction import mask_densify, narration_labelling
+from tests.helpers.command import Made, call
 
 
 def report(**mib: float) -> RunReport:
@@ -51,3 +53,13 @@ def test_the_summary_shows_both(capsys: pytest.CaptureFixture[str]) -> None:
     lines = [line.strip() for line in capsys.readouterr().err.splitlines()]
     assert lines[0].endswith("GiB used/declared") and lines[1].split()[-1] == "2.3/1" and "other" in lines[2]
     assert lines[-1].startswith("memory s needed 2.3 GiB")
+
+
+def test_backends_show_declared_and_measured_memory(made: Made, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The measured memory comes from the store; a backend that never ran has none."""
+    monkeypatch.setattr("commands.backends.STORE", made.store)
+    monkeypatch.setattr("commands.session.STORE", made.store)
+    flow, sam2 = (next(row for row in call("backends", "mask_densify", "--json").json if row["backend"] == name)
+                  for name in ("flow", "sam2"))  # fmt: skip
+    assert re.fullmatch(r"memory 2 GiB, measured \d\.\d", flow["resources"])
+    assert sam2["resources"] == "memory 6 GiB; GPU by sam2.device"

@@ -144,8 +144,8 @@ def test_a_file_in_two_parts_of_an_output_is_stored_once(tmp_path: Path) -> None
     part = tree(scratch, "P91_01")
     file = replace(part.files[0], digest=blake3(b"hello").hexdigest())
     part = replace(part, files=(file,))
+    prepare_store(tmp_path / "store")
     store = Store(tmp_path / "store", CODEC)
-    prepare_store(store.root)
     again = store.load(store.put(RenderedClip(part, part, replace(part, files=())), scratch))
     assert isinstance(again, RenderedClip) and again.files == again.media
     assert again.media.files[0].path.read_text() == "hello" and not file.path.exists()

@@ -137,8 +137,8 @@ def one_of_each(traces: Iterable[Trace], function: str) -> list[Trace]:
 
 def test_impure_stages_are_detected(made: Made, probe: Server, tmp_path: Path) -> None:
     """Each impure stage gives another output or is reported. Files that libraries open are seen with Landlock only."""
+    prepare_store(tmp_path / "store")
     store = Store(tmp_path / "store", CODEC)
-    prepare_store(store.root)
     trace = next(trace for trace in Index(made.store).all() if trace.stage == "key_thin")
     clip = Store(made.store, CODEC).load(trace.inputs["clip"])
     given = {"clip": store.put_leaf(clip)}

@@ -196,7 +196,7 @@ def test_device_and_dtype_are_checked(model: Path) -> None:
 def test_learned_backends_do_not_import_torchvision(model: Path) -> None:
     """The learned backends load their models without torchvision."""
     code = ("import sys\nfrom afford.surface.proposals import sam\nfrom afford.extraction.complete import sam2\n"
-            "from afford.surface.describe import vlm\nfrom afford.surface.score import clip\n"
+            "from afford.surface.describe import chat\nfrom afford.surface.score import clip\n"
             "from afford.models.sam2 import load_model\n"
             f"load_model({str(model)!r})\nprint('torchvision' in sys.modules)")  # fmt: skip
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)

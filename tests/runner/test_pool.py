@@ -62,7 +62,7 @@ class Work:
     def job(self, what: str, timeout_s: float = 60.0) -> Job:
         self.number += 1
         spec = JobSpec(stage="work", function="work:run", params=what, params_tree=None, wants_ctx=True, code="0", libraries={},
-                       threads=1, resources=Resources(), timeout_s=timeout_s, sources=())
+                       threads=1, machine="", resources=Resources(), timeout_s=timeout_s, sources=())
         key = f"{self.number:015x}".ljust(64, "0")
         return Job(spec=spec, key=key, shard="", inputs={}, schemas={}, manifests={}, reason="", force=False)
 

@@ -263,7 +263,7 @@ def test_a_client_address_is_refused() -> None:
 
 @needs_ray
 def test_an_address_where_nothing_listens_is_one_sentence(tmp_path: Path) -> None:
-    """Also a malformed one; Ray itself would try for minutes."""
+    """A malformed address, too; Ray itself would try for minutes."""
     spec = Project.make(tmp_path).runner().worker_spec
     with socket.socket() as closed:
         closed.bind(("127.0.0.1", 0))

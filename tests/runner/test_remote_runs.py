@@ -71,12 +71,13 @@ def blobs(project: Project) -> int:
 
 
 def test_another_host_executes_nothing(url: str, tmp_path: Path) -> None:
-    """A fresh host has the same outputs, and pulls the bytes of what is read alone."""
+    """A fresh host has the same outputs, misses nothing, and pulls the bytes of what is read alone."""
     one, two = hosts(tmp_path, 2)
     first = run(one, url)
     assert first.ok and executed(one) == TASKS
     second = run(two, url)
     assert second.ok and not second.ran and second.outputs == first.outputs and not executed(two)
+    assert two.runner(remote=url).verify().ok
     before = blobs(two)
     runner = two.runner(remote=url)
     assert runner.load(second.outputs["join"][0][1]) == one.runner().load(first.outputs["join"][0][1])
