@@ -91,8 +91,12 @@ class ActiveRun:
     def outputs(self, report: RunReport) -> tuple[dict[str, str], dict[str, float], list[str]]:
         """Publish the outputs; return their places, the metrics, and notes about both.
 
-        In a comparison, the outputs of every column are published.
+        In a comparison, the outputs of every column are published. gc is kept away in the meantime.
         """
+        with self.runner.reading():
+            return self._published(report)
+
+    def _published(self, report: RunReport) -> tuple[dict[str, str], dict[str, float], list[str]]:
         why = partial_outputs(self.graph, report, self.request.clips, len(self.source.refused) if self.source else 0)
         to = Publisher(self.runner, why, self.request.replace, bool(report.deferred))
         if self.names and not self.stages:

@@ -79,11 +79,11 @@ def collect_garbage(store: Store, index: Index, rules: Rules, dry_run: bool = Fa
     doomed = _doomed_blobs(store, reach, _owners(store, traces))
     gone = _dropped(store, reach, {blob for blob, _ in doomed})
     swept.traces, swept.dropped = len(traces) - len(reach.traces), sum(map(len, gone.values()))
-    if not dry_run:  # the rows first: a kill in between leaves blobs without rows, which the next gc deletes
-        for stage, digests in gone.items():
-            index.drop(stage, digests)
-        if swept.traces or len(segment_names(index.root)) > 1:
-            rewrite(index, list(_kept_rows(index, kept, reach.artifacts | reach.dropped.keys())))
+    if not dry_run and (gone or swept.traces or len(segment_names(index.root)) > 1):
+        # before any blob: a kill in between leaves blobs without rows, which the next gc deletes
+        drops = {digest: stage for stage, digests in gone.items() for digest in digests}
+        drops |= {digest: stage for digest, stage in index.drops.items() if store.lost(digest)}
+        rewrite(index, list(_kept_rows(index, kept, reach.artifacts | reach.dropped.keys(), drops)))
     for blob, owner in doomed:
         swept.add(owner, store.path("blobs", blob))
     _delete_rest(store.root, {trace.code for trace in reach.traces}, swept)
@@ -202,16 +202,19 @@ def _delete_rest(root: Path, codes: set[str], swept: GcResult) -> None:
             shutil.rmtree(folder, ignore_errors=True)
 
 
-def _kept_rows(index: Index, keys: set[str], artifacts: set[str]) -> Iterator[list[Any]]:
-    """Rows of the kept traces and artifacts, and of their uses; failures are not kept."""
-    specs = set()
+def _kept_rows(index: Index, keys: set[str], artifacts: set[str], drops: dict[str, str]) -> Iterator[list[Any]]:
+    """Rows of the kept traces and artifacts, and of their uses; failures are not kept.
+
+    Drops come last: segments are in no order of time, and an artifact that is read after its drop counts as stored again.
+    """
     rows = [row for name in segment_names(index.root) for _, line in lines(read_from(index.root, name, 0)) if (row := decode(line))]
     specs = {row[3] for row in rows if row[0] == "trace" and row[1] in keys}
-    wanted = {"trace": (1, keys), "artifact": (1, artifacts), "spec": (1, specs), "use": (3, keys), "drop": (2, artifacts)}
+    wanted = {"trace": (1, keys), "artifact": (1, artifacts), "spec": (1, specs), "use": (3, keys)}
     for row in rows:
         at, names = wanted.get(row[0], (0, set[str]()))
         if row[at] in names:
             yield row
+    yield from (["drop", stage, digest, time.time()] for digest, stage in drops.items() if digest in artifacts)
 
 
 def stored(blobs: Path) -> Iterator[Path]:

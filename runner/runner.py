@@ -205,9 +205,6 @@ class Runner:
         """Keep gc away while artifacts are read; waits for a gc that is running. Blocks may be nested."""
         lease = self._wait_for_share()
         try:
-            if self.index.outdated():  # a gc has ended since the index was read
-                self.index.load()
-                self.store.renew()
             yield
         finally:
             lease.release(remove=False)
@@ -276,8 +273,12 @@ class Runner:
         return self._wait_for_share()
 
     def _wait_for_share(self) -> Lease:
+        """Take the shared lease, and read the index again if a gc has rewritten it."""
         while not (lease := Lease(self.store.root / "leases" / "store.lock", shared=True)).held:
             time.sleep(0.05)  # gc is running; it is short
+        if self.index.outdated():
+            self.index.load()
+            self.store.renew()
         return lease
 
     def _save(self) -> None:

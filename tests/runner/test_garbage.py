@@ -211,6 +211,18 @@ def test_readers_wait_for_gc_and_see_its_result(project: Project) -> None:
         assert len(old.traces) == len(project.runner().traces) and old.load(report.outputs["join"][0][1])
 
 
+def test_a_run_after_gc_knows_what_was_deleted(project: Project) -> None:
+    """A runner that was opened before gc does not take deleted results for cached ones."""
+    other = shout.Params(backend="other")
+    project.run("ab", params=other)
+    project.run("ab")
+    old = project.runner()
+    assert project.runner().gc().traces > 0
+    project.executed()
+    report = old.run(graph("ab", params=other), "all")
+    assert report.ok and project.executed()["shout"] == 2
+
+
 def test_a_result_that_ends_before_gc_is_kept(project: Project) -> None:
     """The index is read again under the lease: a runner that was opened before a run knows its results."""
     old = project.runner()
