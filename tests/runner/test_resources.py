@@ -65,7 +65,7 @@ def test_a_task_may_name_its_gpu() -> None:
     assert sorted(budget.take(TRAINING).held + budget.take(TRAINING).held) == ["4", "6"]
 
 
-def test_one_gpu_is_assumed_where_none_is_found() -> None:
+def test_one_gpu_is_assumed_without_a_driver() -> None:
     """Tasks for a GPU run one after another in an unchanged environment, beside tasks without."""
     budget = Budget(16, 64.0, [])
     grant = budget.take(Resources(gpus=2))
