@@ -10,11 +10,13 @@ import time
 from collections import deque
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from runner.execute import Job, JobResult, WorkerSpec, Workplace, execute
 from runner.modules import outdated
-from runner.worker_process import WorkerProcess
+
+if TYPE_CHECKING:
+    from runner.worker_process import WorkerProcess
 
 Message = tuple[str, str, Any]
 """('started', key, None), ('progress', key, (done, total)) or ('done', key, JobResult)"""
@@ -118,6 +120,8 @@ class Pool:
         idle = [worker for worker in self._workers if not worker.batch and worker.gpus == gpus]
         worker = max(idle, key=lambda one: (len(wanted & one.loaded), one.function == function), default=None)
         if worker is None:
+            from runner.worker_process import WorkerProcess  # not for a run with nothing to do
+
             worker = WorkerProcess(self._spec, self._offsets, gpus)
             self._workers.append(worker)
         worker.submit(jobs)
@@ -154,7 +158,8 @@ class Pool:
 
     def _poll(self, seconds: float) -> None:
         """Wait for any worker, queue messages, and bury workers that have ended or are over their time."""
-        poll, owners = select.poll(), dict[int, WorkerProcess]()
+        poll = select.poll()
+        owners: dict[int, WorkerProcess] = {}
         for worker in self._workers:
             owners |= dict.fromkeys(worker.register(poll), worker)
         ready = poll.poll(None if seconds == float("inf") else max(0, math.ceil(1000 * min(seconds, LONGEST_S))))

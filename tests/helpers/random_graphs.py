@@ -83,7 +83,7 @@ BODIES = {
 
 @dataclass(frozen=True)
 class State:
-    """State that an edit changes."""
+    """Parts of a world that an edit changes."""
 
     marks: tuple[int, ...] = (0,) * len(MODULES)
     """constant of each module"""
