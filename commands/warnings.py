@@ -13,7 +13,7 @@ from typing import Any
 from rich.console import Console
 from rich.markup import escape
 
-from afford.extraction.sources.hand_names import aspect_remark, no_hands_remark
+from afford.extraction.sources.remarks import aspect_remark, no_hands_remark
 from runner import LostError, Runner, RunReport
 from schemas.video import NOT_IN_CONTACT, UNKNOWN_CONTACT
 

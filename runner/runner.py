@@ -56,7 +56,7 @@ class Runner:
         store, self.root = store.absolute(), root.absolute()
         prepare_store(store)
         self.jobs = jobs
-        self._budget, self._engine = Budget(jobs, memory_gib, scratch=store / "scratch"), engine
+        self._limits, self._engine = (jobs, memory_gib), engine
         self.index = Index(store)
         self._remote, self._shared = self._open(remote, store)
         self.worker_spec = WorkerSpec(store, codec, worker, self.root, schemas, remote, self.index.session,
@@ -85,7 +85,8 @@ class Runner:
         observer.begun(report)
         with self._session() as engine:
             planner = self._task_planner(force)
-            schedule = Schedule(planner, engine, self._budget, observer, report, limit)
+            budget = Budget(*self._limits, scratch=self.store.root / "scratch")
+            schedule = Schedule(planner, engine, budget, observer, report, limit)
             walk = Walk(graph, self._wanted(graph, target), planner, schedule, shards or ())
             schedule.walk = walk
             if only:
@@ -96,6 +97,7 @@ class Runner:
                 walk.check_shards()
                 report.failures += _unmade(walk, self._wanted(graph, target))
                 report.outputs = self._outputs(graph, target, walk)
+            planner.note_losses()
             self._add_costs(report)
         report.seconds = time.monotonic() - began
         return report
@@ -235,7 +237,7 @@ class Runner:
         with terminating():
             self._join()
             lease = self._share()
-            kind = self._engine or (Pool if self._budget.jobs else Inline)
+            kind = self._engine or (Pool if self._limits[0] else Inline)
             engine: Engine = kind(self.worker_spec, self.index.offsets())
             try:
                 yield engine
@@ -251,6 +253,7 @@ class Runner:
                         self._shared.end()
                     self._save()
                 finally:
+                    self.index.writer.close()
                     lease.release(remove=False)
 
     def _join(self) -> None:

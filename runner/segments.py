@@ -80,10 +80,13 @@ class SegmentWriter:
         if self._file is None or self._owner != os.getpid():
             self._open()
         assert self._file is not None
-        start = self.size
-        written = os.write(self._file, rows)
-        while written < len(rows):
-            written += os.write(self._file, rows[written:])
+        start, written = self.size, 0
+        try:
+            while written < len(rows):
+                written += os.write(self._file, rows[written:])
+        except OSError:  # a full disk: the torn line ends this segment
+            self.close()
+            raise
         self.size += len(rows)
         return start
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
+from runner.index import Index
 from tests.helpers.command import KEYS, Called, Made, call
 from tests.helpers.tiny_root import write_points
 from tests.helpers.tiny_source import FRAMES, VIDEOS, media, write_narrations, write_source
@@ -125,7 +126,7 @@ def test_a_full_disk_is_reported_and_finished_results_are_kept(made: Made, small
     full = call(*words)
     assert full.code == 1 and "no space left on the disk" in full.words and "Traceback" not in full.err
     subprocess.run(["mount", "-o", "remount,size=100m", str(small_disk)], check=True)
-    finished = {path.name for path in (store / "traces").glob("??/[!.]*.json")}
+    finished = Index(store).keys()
     more = call(*words)
     assert more.code == 0 and finished and sum(more.json["cached"].values()) == len(finished)
 

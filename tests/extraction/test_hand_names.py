@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 
 from afford.common.errors import SourceError
-from afford.extraction.sources.hand_names import is_vague, no_hands_remark, side_of
+from afford.extraction.sources.hand_names import is_vague, side_of
+from afford.extraction.sources.remarks import no_hands_remark
 from schemas.video import Clip
 from tests.extraction.test_own_video import coco, compressed, read_own
 from tests.helpers.tiny_root import OTHER, clips, image, mask, write_root

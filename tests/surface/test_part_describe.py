@@ -12,6 +12,7 @@ from mcap.reader import make_reader
 from afford.surface.score import Clip
 from maps.settings import Settings
 from runner import Graph, Runner, RunReport
+from runner.index import Index
 from schemas.files import FileTree
 from stages.recording import object_record
 from stages.surface import mask_score, negative_affordance_files, negative_affordance_projection, part_describe
@@ -110,7 +111,7 @@ def test_failure_hides_the_key(answer: Answer, models: Path, tmp_path: Path, cap
         reports = [made(tmp_path / "store", graph, "words", jobs=0) for _ in range(2)]
     assert all(report.failed == {"part_describe": 1} for report in reports) and len(server.asked) == 2
     assert {asked.key for asked in server.asked} == {KEY}
-    assert len(list((tmp_path / "store" / "failures").rglob("*.json"))) == 1
+    assert len(Index(tmp_path / "store").failures()) == 1
     assert not leaks(tmp_path / "store", reports, capfd.readouterr())
 
 

@@ -9,10 +9,11 @@ from afford.common.bounded import image_size
 from afford.common.errors import SourceError
 from afford.common.video.frames import pictures
 from afford.extraction.sources.cut import Cutting
-from afford.extraction.sources.hand_names import Size, aspect_remark, no_hands_remark, side_of
+from afford.extraction.sources.hand_names import side_of
 from afford.extraction.sources.key_frames import has_masks, read_annotated_images
 from afford.extraction.sources.media import Media
 from afford.extraction.sources.read import clips_of, media_of_video
+from afford.extraction.sources.remarks import Size, aspect_remark, no_hands_remark
 from schemas.files import FileTree
 from schemas.video import NOT_IN_CONTACT, UNKNOWN_CONTACT, Annotation, Clip, KeyFrame, Narration
 
