@@ -110,7 +110,7 @@ class JobResult:
     peak_mib: float = 0.0
     damaged: bool = False
     rows: bytes = b""
-    """rows that the worker has appended to `segment` at byte `start`"""
+    """rows that the worker has appended to `segment` at byte `start`; without a segment, to another store"""
     segment: str = ""
     start: int = 0
 

@@ -10,6 +10,7 @@ import socket
 import struct
 import threading
 from collections.abc import Collection
+from dataclasses import replace
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -17,10 +18,11 @@ from typing import Any
 from runner.execute import Job, JobResult, JobSpec, WorkerSpec, Workplace, execute
 from runner.files import host
 from runner.keys import machine_kind
-from runner.ray_node import DONE, HEAD, HEAD_BYTES, PROGRESS, REFUSED, STEPS
-from runner.segments import OtherRuns
+from runner.memory import resident_mib
+from runner.ray_node import DONE, HEAD, HEAD_BYTES, MEMORY, PROGRESS, REFUSED, SIZE, STEPS
+from runner.segments import OtherRuns, encode
 from runner.store import prepare_store
-from runner.worker import _die_with_parent, load_from_source
+from runner.worker import die_with_parent, load_from_source
 
 
 def main(socket_fd: str, lifeline_fd: str) -> None:
@@ -32,7 +34,7 @@ def main(socket_fd: str, lifeline_fd: str) -> None:
     os.dup2(2, 1)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    threading.Thread(target=_die_with_parent, args=(int(lifeline_fd),), daemon=True).start()
+    threading.Thread(target=die_with_parent, args=(int(lifeline_fd),), daemon=True).start()
     channel = Channel(socket.socket(fileno=int(socket_fd)))
     start = json.loads(channel.receive())
     load_from_source(Path(start["root"]))
@@ -41,6 +43,8 @@ def main(socket_fd: str, lifeline_fd: str) -> None:
         jobs, suspects = pickle.loads(batch)  # from the driver's memory, never from a disk
         for job in jobs:
             result = executor.run(job, suspects, channel)
+            if job is jobs[-1]:
+                channel.send(MEMORY, struct.pack(SIZE, resident_mib()))
             channel.send(DONE, pickle.dumps(tuple(vars(result).values()), 5))
     if executor is not None:
         executor.place.close()
@@ -93,9 +97,15 @@ class Executor:
         if spec.remote:
             prepare_store(spec.store)  # the folder of this node
         self.place = Workplace(spec, start["offsets"])
-        self._others = self.place.others
-        self._all = OtherRuns(spec.store, "none", start["offsets"])
+        self._others, self._all = self.place.others, OtherRuns(spec.store, "none", start["offsets"])
+        self._all.bodies = self._others.bodies  # where the catalog finds them
+        if spec.remote:
+            self._others = self._all = NoRuns(spec.store, "none", {})
         self._checked: tuple[JobSpec | None, str] = (None, "")
+        self._reported: JobSpec | None = None
+        """spec of the last batch whose results have told the driver its row"""
+        if self.place.shared is not None:
+            self.place.shared.remote.flush()  # what earlier batches on this node could not push
 
     def run(self, job: Job, suspects: Collection[str], channel: Channel) -> JobResult:
         """Execute a job, if the libraries and the kind of machine are those in its key.
@@ -107,7 +117,30 @@ class Executor:
         if self._checked[1]:
             return JobResult(job.key, "failed", message=self._checked[1])
         self.place.others = self._all if job.key in suspects else self._others
-        return execute(job, self.place, channel.progress)
+        result = execute(job, self.place, channel.progress)
+        return result if self.place.shared is None or not result.rows else self._detached(job, result)
+
+    def _detached(self, job: Job, result: JobResult) -> JobResult:
+        """Result whose rows stand alone, since the driver does not see the segments of this node.
+
+        The first ones of a batch begin with the row of its spec, which an earlier batch may have reported to nobody.
+        """
+        rows, spec = result.rows, encode(job.spec.row)
+        if self._reported is not job.spec and not rows.startswith(spec):
+            rows = spec + rows
+        self._reported = job.spec
+        return replace(result, rows=rows, segment="", start=0)
+
+
+class NoRuns(OtherRuns):
+    """What other runs have stored on a node with a store of its own: nothing that counts, since no scheduler reads that store.
+
+    The claims in the remote say which tasks are done.
+    """
+
+    def output(self, key: str) -> str | None:
+        """Find nothing."""
+        return None
 
 
 def differing(spec: JobSpec) -> str:

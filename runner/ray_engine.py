@@ -30,10 +30,11 @@ from types import FrameType, MappingProxyType
 from typing import Any
 
 from runner import ray_node
-from runner.engines import Message
+from runner.engines import MAX_GROWTH_MIB, MAX_JOBS, Message
 from runner.execute import Job, JobResult, JobSpec, WorkerSpec
 from runner.files import unique
 from runner.ray_code import Parcels
+from runner.ray_inputs import Inputs
 from runner.resources import Resources
 from runner.signals import Terminated
 
@@ -93,6 +94,7 @@ class RayEngine:
         self._cluster = Cluster(self._ray, address, jobs, memory_gib)
         self._token = Path("leases") / unique("ray")
         self._parcels = Parcels(spec.root, spec.store / ".cache" / "modules.json", spec.schemas, _modules(spec))
+        self._inputs = Inputs(spec.remote, spec.store, spec.session) if spec.remote else None
         self._sent: dict[str, Any] = {}
         self._functions: dict[tuple[Any, ...], Any] = {}
         self._batches: dict[Any, _Batch] = {}
@@ -125,6 +127,8 @@ class RayEngine:
         if refusal:
             self._messages += [("done", job.key, JobResult(job.key, "failed", message=refusal)) for job in jobs]
             return
+        if self._inputs is not None:
+            self._inputs.push(jobs)
         digest, parcel = self._code(spec)
         suspects = self._suspects and {job.key for job in jobs if job.key in self._suspects}
         stream = self._function(options).remote(digest, parcel, pickle.dumps((jobs, suspects), 5), len(jobs))
@@ -209,7 +213,7 @@ class RayEngine:
         return {"root": str(spec.root), "engine": str(Path(__file__).resolve().parent.parent), "store": str(spec.store),
                 "token": str(self._token), "codec": spec.codec, "worker": spec.worker, "schemas": list(spec.schemas),
                 "remote": spec.remote, "session": spec.session, "owner": spec.owner, "python": platform.python_version(),
-                "offsets": {} if spec.remote else self._offsets,
+                "offsets": {} if spec.remote else self._offsets, "max_jobs": MAX_JOBS, "max_growth_mib": MAX_GROWTH_MIB,
                 "environment": {name: os.environ[name] for name in CARRIED if name in os.environ}}
 
     # -- what comes back ---------------------------------------------------------------------------------------------
@@ -239,6 +243,8 @@ class RayEngine:
 
     def _done(self, batch: _Batch, result: JobResult) -> None:
         self._started(batch)
+        if self._inputs is not None and result.status == "lost":
+            self._inputs.forget(batch.jobs[batch.done])
         if result.key not in batch.ended:
             self._messages.append(("done", result.key, result))
         batch.done += 1

@@ -29,8 +29,9 @@ from typing import Any
 
 HEAD, HEAD_BYTES = "<IB", 5
 """head of a frame between the two processes: size of the payload, kind"""
-DONE, PROGRESS, REFUSED = 1, 2, 3
-STEPS = "<QQ"
+DONE, PROGRESS, REFUSED, MEMORY = 1, 2, 3, 4
+STEPS, SIZE = "<QQ", "<d"
+"""payloads of PROGRESS, and of MEMORY: size of the stage process, MiB, before the last result of a batch"""
 REPORT_S = 0.5
 """interval of reports while a batch runs"""
 GATHER_S, GATHER_SHARE = (0.002, 0.1), 0.3
@@ -90,7 +91,7 @@ def run_batch(digest: str, parcel: list[Any], batch: bytes, count: int) -> Itera
 def _slot(digest: str, parcel: list[Any]) -> Slot:
     """Stage process for this code and these GPUs; the one of the last batch if it fits."""
     start = {**_ready(digest, parcel), "gpus": os.environ.get("CUDA_VISIBLE_DEVICES")}
-    if _SLOTS and (_SLOTS[0].start != start or not _SLOTS[0].alive()):
+    if _SLOTS and (_SLOTS[0].start != start or not _SLOTS[0].alive() or _SLOTS[0].is_due()):
         _SLOTS.pop().retire()
     if not _SLOTS:
         _SLOTS.append(Slot(start))
@@ -206,11 +207,17 @@ class Slot:
         theirs.close()
         os.close(read)
         self._socket, self._buffer, self._closed = ours, bytearray(), False
+        self._finished, self._resident_mib, self._first_mib = 0, 0.0, 0.0
         self._send(json.dumps(start).encode())
 
     def alive(self) -> bool:
         """Return True while the process runs."""
         return self._process.poll() is None
+
+    def is_due(self) -> bool:
+        """Return True when the process has run many jobs, or has grown since its first batch, and is to be replaced."""
+        grown_mib = self._resident_mib - self._first_mib
+        return self._finished >= self.start["max_jobs"] or grown_mib > self.start["max_growth_mib"]
 
     def run(self, batch: bytes, count: int) -> Iterator[Report]:
         """Run a batch; yield a report every half second while there is news, and at the end."""
@@ -285,11 +292,15 @@ class Slot:
                 report.progress = ()
             elif kind == PROGRESS:
                 report.progress = struct.unpack(STEPS, payload)
+            elif kind == MEMORY:
+                self._resident_mib = struct.unpack(SIZE, payload)[0]
+                self._first_mib = self._first_mib or self._resident_mib
             else:
                 report.refused = f"node {socket.gethostname()}: {payload.decode()}"
         del buffer[:at]
         if self._closed and not report.refused:
             report.died = self._death()
+        self._finished += len(report.done) - before
         return len(report.done) - before
 
     def _death(self) -> str:

@@ -329,8 +329,10 @@ class Schedule:
     # -- messages of the engine ------------------------------------------------------------------------------------
 
     def _done(self, task: Task, reason: Reason, done: JobResult) -> None:
-        if done.rows:
+        if done.segment:
             self._planner.index.ingest(done.rows, done.segment, done.start)
+        elif done.rows and self._planner.shared is not None:
+            self._planner.shared.take(done.rows)
         duplicates = self._duplicates.pop(task.key, []) if done.status not in ("returned", "busy") else []
         if done.status == "ran":
             self._ran(task, done)

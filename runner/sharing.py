@@ -41,6 +41,11 @@ class SharedRun:
                 self._index.append(*fresh)
             self._remote.note([name])
 
+    def take(self, rows: bytes) -> None:
+        """Add the rows of a task that this run has executed on another host, in a store of its own."""
+        found = [row for _, line in lines(rows) if (row := decode(line)) is not None]
+        self._index.append(*[row for row in found if row[0] not in ("spec", "artifact") or not self._knows(row)])
+
     def _knows(self, row: list[Any]) -> bool:
         """Return True when the index has the subject of a row."""
         known = {"spec": self._index.has_spec, "artifact": self._index.has_artifact, "trace": self._index.__contains__}

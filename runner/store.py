@@ -412,9 +412,10 @@ class Store:
         return [inside for _, child in found.children for inside in self.lost(child)]
 
     def forget(self, digest: str) -> None:
-        """Check the files of an artifact again next time."""
-        for inside, _ in self.closure(digest):
+        """Check the files of an artifact again next time, also in the remote store, to which a worker may have pushed them."""
+        for inside, found in self.closure(digest):
             self._valid.discard(inside)
+            self._absent.difference_update(entry.blob for entry in (found.files if found else ()))
 
     def note_lost(self, digests: Iterable[str]) -> None:
         """Record that a worker cannot read artifacts: the remote store lacks their files, too."""

@@ -35,7 +35,7 @@ def main(channel_fd: str, lifeline_fd: str, counters_fd: str) -> None:
     os.dup2(2, 1)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    threading.Thread(target=_die_with_parent, args=(int(lifeline_fd),), daemon=True).start()
+    threading.Thread(target=die_with_parent, args=(int(lifeline_fd),), daemon=True).start()
     channel, counters = Channel(int(channel_fd)), Counters(int(counters_fd))
     spec, offsets = channel.receive()
     load_from_source(spec.root)
@@ -135,8 +135,11 @@ class _Loader(SourceFileLoader):
         return super().get_code(fullname)
 
 
-def _die_with_parent(fd: int) -> None:
-    """Kill this process and everything that its stage has started when the scheduler is gone."""
+def die_with_parent(fd: int) -> None:
+    """Kill this process and everything that its stage has started when the parent process is gone.
+
+    `fd` is the reading end of a pipe whose other end only the parent holds. Runs in a thread; the process leads its group.
+    """
     while os.read(fd, 1):
         pass
     os.killpg(0, signal.SIGKILL)

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import os
-import shutil
 import socket
 import sys
-import tempfile
 import threading
 from collections import Counter
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -26,48 +24,16 @@ from runner.execute import Job
 from runner.ray_code import Parcels, pack
 from runner.ray_engine import RayEngine, RayError, load_ray
 from runner.report import SilentObserver
+from tests.helpers.ray_nodes import Nodes, descendants, ray_nodes
 
 needs_ray = pytest.mark.skipif(find_spec("ray") is None, reason="needs the extra ray")
 WORDS = ("one", "two", "three", "four")
-STORE_BYTES = 80 << 20
-"""Ray's object store of a node: the least that it accepts"""
-
-
-@dataclass
-class Nodes:
-    """Cluster of small nodes on 127.0.0.1; the head runs no tasks."""
-
-    cluster: Any
-    folder: Path
-    """temporary folder of the nodes"""
-    log: Path
-    """file in which the stages on the nodes note their executions"""
-
-    def add(self, **resources: Any) -> Any:
-        os.environ["TOY_LOG"] = str(self.log)
-        node = self.cluster.add_node(object_store_memory=STORE_BYTES, include_dashboard=False, **resources)
-        wait_until(lambda: node.unique_id is not None)
-        return node
-
-    def engine(self, *arguments: Any) -> RayEngine:
-        return RayEngine(*arguments, address=self.cluster.address)
 
 
 @pytest.fixture
 def nodes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Nodes]:
-    monkeypatch.setenv("TOY_LOG", str(tmp_path / "log"))
-    short = Path(tempfile.mkdtemp(prefix="ray", dir="/tmp"))  # the path of a socket has at most 107 bytes
-    monkeypatch.setenv("TMPDIR", str(short))
-    load_ray(None)
-    from ray.cluster_utils import Cluster
-
-    cluster = Cluster(initialize_head=True, head_node_args={
-        "num_cpus": 0, "object_store_memory": STORE_BYTES, "include_dashboard": False})
-    try:
-        yield Nodes(cluster, short, tmp_path / "log")
-    finally:
-        cluster.shutdown()
-        shutil.rmtree(short, ignore_errors=True)
+    with ray_nodes(tmp_path, monkeypatch) as running:
+        yield running
 
 
 def blobs(project: Project) -> set[str]:
@@ -210,21 +176,6 @@ def jobs_of(project: Project, *words: str, sleep_s: float) -> list[Job]:
     project.runner(engine=Recorder).run(graph(*words, params=shout.Params()), "all")
     spec = replace(found[0].spec, params=shout.Params(sleep_s=sleep_s))
     return [replace(job, spec=spec, force=True) for job in found[: len(words)]]
-
-
-def descendants(pid: int) -> set[int]:
-    """Processes started by a process, directly or not."""
-    parents: dict[int, int] = {}
-    for entry in Path("/proc").iterdir():
-        if entry.name.isdigit():
-            try:
-                parents[int(entry.name)] = int((entry / "stat").read_text().rpartition(")")[2].split()[1])
-            except OSError:
-                continue  # it has ended
-    found: set[int] = set()
-    while more := {child for child, parent in parents.items() if parent in found | {pid}} - found:
-        found |= more
-    return found
 
 
 def listening(pids: set[int]) -> set[tuple[str, int]]:
