@@ -27,10 +27,10 @@ LOOKING = ("os.listdir", "os.scandir", "os.walk", "os.fwalk")
 CHANGING = ("os.remove", "os.rename", "os.mkdir", "os.rmdir", "os.chmod", "os.chown", "os.link", "os.symlink", "os.truncate",
             "os.utime", "os.chdir")
 EARLY = ("numpy", "cv2", "scipy.sparse", "pandas", "pyarrow.parquet", "torch", "torch.utils.data", "torch._dynamo", "h5py",
-         "mujoco")
+         "mujoco", "urllib3")
 """libraries that load before the watch begins, some of which must: built on datetime and its layout in C (pandas); looks for a
 temporary folder (dill, a cache of compiled code that every optimiser of torch loads); calls `uname` (h5py); starts a process to
-find a window library (mujoco)"""
+find a window library (mujoco); opens a socket to see whether the system has IPv6 (urllib3)"""
 LATER_S = 400_000_000.0  # the clock of the probe is twelve years ahead
 
 
