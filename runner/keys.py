@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -17,6 +18,7 @@ from runner.codec import resolve
 from runner.files import Source
 from runner.fingerprint import Fingerprint, fingerprint, merged
 from runner.graph import Node
+from runner.known_code import KnownCode, KnownStage
 from runner.modules import Modules
 from runner.resources import Resources, resources_of
 from runner.selection import declarations, select_of, unselected, without_blocks
@@ -59,10 +61,21 @@ class CodeFingerprints:
     schema packages count where a stage uses them, and through the schemas of its inputs (`task_key`).
     """
 
-    def __init__(self, modules: Modules, codec: str, worker: str | None) -> None:
-        self.modules = modules
+    def __init__(self, modules: Modules, codec: str, worker: str | None, cache: Path | None = None) -> None:
+        self.modules, self.known = modules, KnownCode(cache, modules)
         self._codec, self._worker = codec, worker
         self._memo: dict[Any, Fingerprint] = {}
+
+    def stage(self, function: str, params: Any, tree: Any) -> KnownStage:
+        """Code and declarations of a stage, from the cache if possible; `tree` is the canonical form of the parameters."""
+        key = digest("afford-stage", [function, tree, self._codec, self._worker])
+        found = self.known.get(key)
+        if found is None:
+            module, select = function.partition(":")[0], select_of(params)
+            declared, blocks = declarations(self.modules, module, select), unselected(self.modules, module, select)
+            found = KnownStage(self.of(function, params), declared, blocks)
+            self.known.put(key, found)
+        return found
 
     def of(self, function: str, params: Any) -> Fingerprint:
         """Fingerprint 'module:function' under these Params; SourceError when some code cannot be followed."""
@@ -96,12 +109,10 @@ def stage_spec(node: Node, codes: CodeFingerprints) -> StageSpec:
 
     ValueError when the code cannot be followed or a library is not installed.
     """
-    function = f"{node.value.__module__}:{node.value.__qualname__}"
-    module, select = node.value.__module__, select_of(node.params)
-    declared, blocks = declarations(codes.modules, module, select), unselected(codes.modules, module, select)
-    code = codes.of(function, node.params)
+    function, params = f"{node.value.__module__}:{node.value.__qualname__}", _params(node)
+    code, declared, blocks = codes.stage(function, node.params, params)
     spec = StageSpec(
-        name=node.name, function=function, params=without_blocks(_params(node), node.params, blocks), code=code,
+        name=node.name, function=function, params=without_blocks(params, node.params, blocks), code=code,
         libraries={name: _version(node.name, name) for name in sorted(declared["LIBRARIES"])},
         threads=declared["THREADS"], memory_gib=declared["MEMORY_GIB"],
         sources=tuple(codes.modules.source(path) for path in sorted(code.files) if not os.path.isdir(path)),
@@ -197,13 +208,34 @@ def _params(node: Node) -> Any:
 _versions: dict[str, str] = {}
 
 
-def _version(stage: str, library: str) -> str:
-    from importlib import metadata  # 15 ms, and only needed when a stage declares libraries
+@cache
+def _installed() -> dict[str, str]:
+    """Map each installed distribution to its version, by the names of the folders with their metadata."""
+    found: dict[str, str] = {}
+    for folder in sys.path:
+        for name in os.listdir(folder) if os.path.isdir(folder) else ():
+            distribution, dash, version = name.removesuffix(".dist-info").rpartition("-")
+            if dash and name.endswith(".dist-info"):
+                found.setdefault(_normal(distribution), version)
+    return found
 
+
+def _normal(distribution: str) -> str:
+    return re.sub(r"[-_.]+", "-", distribution).lower()
+
+
+def _version(stage: str, library: str) -> str:
     if library not in _versions:
-        try:
-            _versions[library] = metadata.version(library)
-        except metadata.PackageNotFoundError:
-            raise ValueError(f"{stage}: LIBRARIES names {library!r}, which is not installed; install it, or correct the name "
-                             "(it is the name of the distribution, e.g. opencv-python-headless)") from None
+        _versions[library] = _installed().get(_normal(library)) or _read_version(stage, library)
     return _versions[library]
+
+
+def _read_version(stage: str, library: str) -> str:
+    """Version of a distribution whose metadata have another form."""
+    from importlib import metadata  # 15 ms, and rarely needed
+
+    try:
+        return metadata.version(library)
+    except metadata.PackageNotFoundError:
+        raise ValueError(f"{stage}: LIBRARIES names {library!r}, which is not installed; install it, or correct the name "
+                         "(it is the name of the distribution, e.g. opencv-python-headless)") from None

@@ -11,6 +11,7 @@ import sys
 import time
 from collections.abc import Iterable
 from dataclasses import asdict
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -56,12 +57,40 @@ class Modules:
         self._stamps: dict[str, Stamp] = {}
         self._contents: dict[str, str] = {}
         """path -> digest of the bytes that were read"""
-        self._saved: dict[str, list] = {}
+        self._assumed: dict[str, Stamp] = {}
+        """path -> stamp of a file whose fingerprints were taken from a cache, without a read"""
         self._fresh = False
-        self._version = _version(schemas)
-        saved = read_cache(cache) if cache is not None else {}
-        if saved.get("version") == self._version:
-            self._saved = saved["modules"]
+        self.version = _version(schemas)
+
+    @cached_property
+    def _saved(self) -> dict[str, list]:
+        """Parsed modules of earlier processes."""
+        saved = read_cache(self._cache) if self._cache is not None else {}
+        return dict(saved["modules"]) if saved.get("version") == self.version else {}
+
+    def assume(self, files: dict[str, list[Any]], missing: list[str]) -> bool:
+        """Take the stamps and contents of source files from a cache; False when a file or a module name has changed.
+
+        `files` maps a path to its stamp and the digest of its content; `missing` are module names without a module.
+        """
+        for path, (before, _) in files.items():
+            try:
+                if list(stamp(path)) != before:
+                    return False
+            except FileNotFoundError:
+                return False
+        if any(self._find(name) is not None for name in missing):
+            return False
+        self._assumed = {path: (before[0], before[1], before[2], before[3]) for path, (before, _) in files.items()}
+        self._stamps |= self._assumed
+        self._contents |= {path: content for path, (_, content) in files.items()}
+        self._modules |= dict.fromkeys(missing)
+        return True
+
+    def seen(self) -> tuple[dict[str, list[Any]], list[str]]:
+        """Stamp and content of every source file since `renew`, and the module names without a module."""
+        files = {path: [list(known), self._contents[path]] for path, known in self._stamps.items() if path in self._contents}
+        return files, [name for name, module in self._modules.items() if module is None]
 
     @property
     def schemas(self) -> tuple[str, ...]:
@@ -105,7 +134,7 @@ class Modules:
     def save(self) -> None:
         """Write parsed modules to the cache."""
         if self._cache is not None and self._fresh:
-            write_cache(self._cache, {"version": self._version, "modules": self._saved})
+            write_cache(self._cache, {"version": self.version, "modules": self._saved})
             self._fresh = False
 
     def _find(self, name: str) -> Module | None:
@@ -128,6 +157,11 @@ class Modules:
         return below and name.partition(".")[0] not in sys.stdlib_module_names
 
     def _read(self, name: str, path: Path, package: bool) -> Module:
+        before = self._assumed.pop(str(path), None)
+        if before is not None and str(path) not in FIRST:  # the file was current when this process began
+            saved = self._saved.get(name)
+            known = saved is not None and tuple(saved[0]) == before
+            FIRST[str(path)] = _code(Module(**saved[1] | {"path": str(path)})) if known and saved else ["not read"]
         module = self._parsed(name, path, package)
         LAST[str(path)] = _code(module)
         FIRST.setdefault(str(path), LAST[str(path)])

@@ -63,6 +63,7 @@ class Runner:
                                       self._shared.owner if self._shared else "")
         self.store = Store(store, resolve(codec), self.index, rehash, plan_only, self._remote)
         self.modules = Modules(self.root, store / ".cache" / "modules.json", schemas)
+        self._fingerprints: CodeFingerprints | None = None
 
     # -- run -------------------------------------------------------------------------------------------------------
 
@@ -226,7 +227,9 @@ class Runner:
         """Build a planner on the current state of code and store."""
         self.modules.renew()
         self.store.renew()
-        fingerprints = CodeFingerprints(self.modules, self.worker_spec.codec, self.worker_spec.worker)
+        fingerprints = CodeFingerprints(self.modules, self.worker_spec.codec, self.worker_spec.worker,
+                                        self.store.root / ".cache" / "specs.json")
+        self._fingerprints = fingerprints
         planner = TaskPlanner(self.store, self.index, fingerprints, force, self._shared)
         planner.refresh()
         return planner
@@ -289,6 +292,8 @@ class Runner:
             self.index.save()
             self.store.save()
             self.modules.save()
+            if self._fingerprints is not None:
+                self._fingerprints.known.save()
         except OSError as error:
             raise StoreError(error.errno, f"the caches of {self.store.root} could not be written ({error}); finished "
                                           "tasks are kept, free some space and run again") from error

@@ -5,7 +5,8 @@ The reason is the first part of the new key, in a fixed order, that differs from
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -26,14 +27,15 @@ Demand = bool | frozenset[str]
 """bytes of an output that must be readable: all, none, or those of some fields of a bundle"""
 
 
-def compare(last: Trace | None, spec: StageSpec, inputs: Mapping[str, str], schemas: Mapping[str, str], store: Path) -> Reason:
+def compare(last: Trace | None, spec: StageSpec, inputs: Mapping[str, str], schemas: Mapping[str, str], store: Path,
+            definitions: Callable[[], dict[str, str]]) -> Reason:  # fmt: skip
     """Name the first difference from `last`: parameters, code, libraries, threads, machine, schemas, inputs."""
     if last is None:
         return Reason("first run")
     if last.params != spec.params:
         return Reason("parameter changed", parameter_changes(last.params, spec.params))
     if last.code != spec.code.digest:
-        return Reason("code changed", definition_changes(kept_definitions(store, last.code), spec.code.definitions))
+        return Reason("code changed", definition_changes(kept_definitions(store, last.code), definitions()))
     if last.libraries != spec.libraries:
         return Reason("library version changed", pairs(last.libraries, spec.libraries))
     if last.threads != spec.threads:
@@ -47,10 +49,10 @@ def compare(last: Trace | None, spec: StageSpec, inputs: Mapping[str, str], sche
     return Reason("output lost")
 
 
-def keep_definitions(store: Path, spec: StageSpec) -> None:
+def keep_definitions(store: Path, code: str, definitions: Callable[[], dict[str, str]]) -> None:
     """Store the definitions behind a fingerprint, so that `explain` can name the next change."""
-    if kept_definitions(store, spec.code.digest) is None:
-        write_atomic(store / "code" / f"{spec.code.digest}.json", seal(spec.code.definitions, f"code {spec.code.digest}"))
+    if kept_definitions(store, code) is None:
+        write_atomic(store / "code" / f"{code}.json", seal(definitions(), f"code {code}"))
 
 
 def kept_definitions(store: Path, code: str) -> dict[str, str] | None:
@@ -100,6 +102,10 @@ class TaskPlanner:
             self._specs[node.id] = stage_spec(node, self._codes)
         return self._specs[node.id]
 
+    def _definitions(self, node: Node) -> dict[str, str]:
+        """Definitions behind the fingerprint of a stage."""
+        return self._codes.of(self.spec(node).function, node.params).definitions
+
     def task(self, node: Node, path: ShardPath, inputs: dict[str, str]) -> Task:
         """Build the task, with its key."""
         schemas, text = self._schemas(inputs)
@@ -122,7 +128,8 @@ class TaskPlanner:
         output = self.index.output(task.key)
         if output is None:
             last = self.index.last(task.node.name, task.shard)
-            return "", compare(last, self.spec(task.node), task.inputs, task.schemas, self.store.root)
+            return "", compare(last, self.spec(task.node), task.inputs, task.schemas, self.store.root,
+                               partial(self._definitions, task.node))
         state = self.store.state(output)
         if state == "ok":
             return output, None
@@ -173,7 +180,7 @@ class TaskPlanner:
         if node.id not in self._jobs:
             spec = self.spec(node)
             if spec.code.digest not in self._kept:
-                keep_definitions(self.store.root, spec)
+                keep_definitions(self.store.root, spec.code.digest, partial(self._definitions, node))
                 self._kept.add(spec.code.digest)
             self._jobs[node.id] = JobSpec(
                 stage=node.name, function=spec.function, params=hide_unselected(node.params, spec.blocks), params_tree=spec.params,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -72,6 +73,45 @@ print(report.ok, report.failures[0].message if report.failures else "")
 """
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert done.stdout.startswith("False") and "was edited after this process imported it" in done.stdout
+
+
+def test_code_edited_after_its_import_is_refused_although_its_fingerprint_was_cached(tmp_path: Path) -> None:
+    """An earlier process has computed the fingerprint, so that this one does not read the file before the edit."""
+    (tmp_path / "late").mkdir()
+    one = tmp_path / "late" / "one.py"
+    one.write_text("from late.values import Word\nMARK = 1\ndef run(word: Word) -> Word:\n"
+                   "    return Word(word.name, word.text + str(MARK))\n")
+    (tmp_path / "late" / "values.py").write_text((ROOT / "tests/toy_domain/toy/values.py").read_text())
+    script = f"""
+import sys; sys.path[:0] = [{str(tmp_path)!r}, {str(ROOT)!r}]
+from pathlib import Path
+from runner import Graph, Runner
+from late import one
+from late.values import Word
+def graph():
+    g = Graph(); g.target("all", g.add(one.run, word=g.leaf("w", Word("w", "x")))); return g
+runner = Runner(Path({str(tmp_path / 'store')!r}), Path({str(tmp_path)!r}), "late.values:CODEC", jobs=0)
+assert runner.run(graph(), "all").ok
+if sys.argv[1:]:
+    path = Path(one.__file__); path.write_text(path.read_text().replace("MARK = 1", "MARK = 2"))
+report = runner.run(graph(), "all")
+print(report.ok, report.failures[0].message if report.failures else "")
+"""
+    time.sleep(0.1)  # younger files are not remembered
+    for words in ([], ["edit"]):
+        done = subprocess.run([sys.executable, "-c", script, *words], capture_output=True, text=True, check=True)
+    assert (tmp_path / "store" / ".cache" / "specs.json").exists()
+    assert done.stdout.startswith("False") and "was edited after this process imported it" in done.stdout
+
+
+def test_a_cached_fingerprint_ends_with_the_code(project: Project) -> None:
+    """A changed constant, and a module that hides another, are noticed; an unchanged project is not parsed again."""
+    time.sleep(0.1)
+    project.run("ab", jobs=1)
+    runner = project.runner(1)
+    assert runner.run(graph("ab"), "all").ran == {} and "toy.shout" not in runner.modules._modules
+    project.edit("toy/helper.py", '"!"', '"?"')
+    assert project.run("ab", jobs=1).ran == {"shout": 2, "pair": 2}
 
 
 def test_an_edit_of_the_codec_runs_everything_again(project: Project) -> None:
