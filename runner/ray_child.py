@@ -103,7 +103,7 @@ class Executor:
             self._others = self._all = NoRuns(spec.store, "none", {})
         self._checked: tuple[JobSpec | None, str] = (None, "")
         self._reported: JobSpec | None = None
-        """spec of the last batch whose results have told the driver its row"""
+        """spec of the last batch, once a result has carried its row to the driver"""
         if self.place.shared is not None:
             self.place.shared.remote.flush()  # what earlier batches on this node could not push
 
@@ -123,7 +123,7 @@ class Executor:
     def _detached(self, job: Job, result: JobResult) -> JobResult:
         """Result whose rows stand alone, since the driver does not see the segments of this node.
 
-        The first ones of a batch begin with the row of its spec, which an earlier batch may have reported to nobody.
+        The first ones of a batch begin with the row of its spec, since results of an earlier batch may not have arrived.
         """
         rows, spec = result.rows, encode(job.spec.row)
         if self._reported is not job.spec and not rows.startswith(spec):
@@ -133,7 +133,7 @@ class Executor:
 
 
 class NoRuns(OtherRuns):
-    """What other runs have stored on a node with a store of its own: nothing that counts, since no scheduler reads that store.
+    """Results of other runs on a node with a store of its own: none, since no scheduler reads that store.
 
     The claims in the remote say which tasks are done.
     """

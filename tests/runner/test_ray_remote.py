@@ -150,7 +150,7 @@ def test_a_node_lost_in_the_middle_changes_nothing(url: str, tmp_path: Path, nod
 
 
 def test_stage_processes_are_replaced(tmp_path: Path, nodes: Nodes, monkeypatch: pytest.MonkeyPatch) -> None:
-    """After a number of jobs, between two batches; the results are those of an inline run."""
+    """A process ends between two batches once it has run enough jobs; the results are those of an inline run."""
     nodes.add(num_cpus=1)
     monkeypatch.setattr(ray_engine, "MAX_JOBS", 1)
     project, other = Project.make(tmp_path / "ray"), Project.make(tmp_path / "inline")
@@ -193,7 +193,7 @@ def test_sigterm_ends_the_driver_and_its_cluster(tmp_path: Path) -> None:
 
 
 def running(pid: int) -> bool:
-    """True unless a process has ended; one that nobody has waited for counts as ended."""
+    """Return True unless a process has ended; one without a reader of its exit status counts as ended."""
     try:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except FileNotFoundError:

@@ -1,4 +1,4 @@
-"""What a node does with a store of its own, and what the driver pushes for it; without Ray."""
+"""Nodes with stores of their own, and the inputs that the driver pushes for them; without Ray."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def test_the_output_of_a_lost_node_is_found_in_a_shared_store(tmp_path: Path) ->
 
 
 def test_rows_of_a_node_stand_alone(tmp_path: Path) -> None:
-    """They name no segment, and the first ones of every batch hold the row of the spec; its store is never asked."""
+    """Results name no segment, and the first one of every batch has the row of the spec."""
     project, url = Project.make(tmp_path), str(tmp_path / "remote")
     jobs, spec = jobs_of(project), project.runner(remote=url).worker_spec
     Inputs(url, project.store, "driver").push(jobs)
@@ -90,7 +90,7 @@ def test_an_unfinished_publication_on_a_node_is_not_a_result(tmp_path: Path) -> 
     assert run(executor(later, tmp_path / "node"), job, job.key).status == "cached"  # the claim says so
 
 
-def test_what_a_node_could_not_push_is_pushed_by_the_next_process(tmp_path: Path) -> None:
+def test_a_queue_of_a_node_is_pushed_by_its_next_process(tmp_path: Path) -> None:
     """No scheduler reads that store, so the stage processes of the node empty its queue."""
     project, url = Project.make(tmp_path), str(tmp_path / "remote")
     spec, store = project.runner(remote=url).worker_spec, tmp_path / "node"
@@ -128,7 +128,7 @@ def test_inputs_are_pushed_once_and_damaged_ones_are_moved_aside(tmp_path: Path)
     (MAX_JOBS - 1, 100.0, 100.0 + MAX_GROWTH_MIB, False), (MAX_JOBS, 100.0, 100.0, True),
     (1, 100.0, 101.0 + MAX_GROWTH_MIB, True), (0, 0.0, 0.0, False)])
 def test_a_stage_process_is_due_like_one_of_the_pool(finished: int, first_mib: float, resident_mib: float, due: bool) -> None:
-    """After many jobs, or much growth since its first batch."""
+    """The limits are a number of jobs, and the growth since the first batch."""
     slot = object.__new__(Slot)
     slot.start = {"max_jobs": MAX_JOBS, "max_growth_mib": MAX_GROWTH_MIB}
     slot._finished, slot._first_mib, slot._resident_mib = finished, first_mib, resident_mib
