@@ -1,15 +1,14 @@
 """Measure what Ray adds to a task: shards of empty work, inline and on a private cluster of this machine.
 
-    python benchmarks/runner/bench_ray.py [--shards 10000] [--many 100000] [--pairs 3] [--output benchmarks/runner/ray.md]
+    PYTHONPATH=. python benchmarks/runner/bench_ray.py [--quick]
 
 CPU seconds, user and system, of the whole process tree. Ray's services, its workers and the stage processes are read from /proc
 right before the cluster ends, the driver at its own end. Start-up is apart: a run of one shard is subtracted from each. Inline and
-Ray runs alternate, and the medians count. Needs the extra `ray`.
+Ray runs alternate, and the medians count. Needs the extra `ray`. Details are in ray.md, beside the page of all parts.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
 import platform
 import statistics
@@ -17,6 +16,8 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+
+from benchmarks.runner.parts import HERE, Plan, Row, measure
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 STAGE = '''
@@ -127,8 +128,23 @@ def per_shard(run: dict[str, float], start: dict[str, float], shards: int) -> di
     return {part: 1e6 * (run[part] - start[part]) / shards for part in PARTS}
 
 
-def page(shards: int, many: int, pairs: int) -> str:
-    """Measure, and write the page."""
+GOAL_US = 100
+
+
+def rows(plan: Plan) -> list[Row]:
+    """Measure, write ray.md, and return the rows of the page of all parts."""
+    shards, many, pairs = (30, 60, 1) if plan.quick else (10_000, 100_000, 3)
+    text, beside, large = page(shards, many, pairs)
+    (HERE / "ray.md").write_text(text, encoding="utf-8")
+    return [Row(f"Ray minus inline, {shards:,} empty shards, start-up apart, a shard", f"{GOAL_US} us CPU (aim 60)",
+                f"{beside:.0f} us", beside <= GOAL_US, {"us": beside}, "store in memory"),
+            Row(f"{many:,} empty shards on Ray", "", f"driver {large['driver']:.1f} s, {large['peak']:.0f} MiB; all processes "
+                f"{cpu(large):.1f} s", None, {"driver_s": large["driver"], "driver_mib": large["peak"], "cpu_s": cpu(large)},
+                "store in memory")]  # fmt: skip
+
+
+def page(shards: int, many: int, pairs: int) -> tuple[str, float, dict[str, float]]:
+    """Measure; return the page, what Ray adds to a shard (us), and the figures of the large run."""
     start = {engine: median([measured(1, engine) for _ in range(pairs)]) for engine in ("inline", "ray")}
     runs: dict[str, list[dict[str, float]]] = {"inline": [], "ray": []}
     for _ in range(pairs):
@@ -136,9 +152,9 @@ def page(shards: int, many: int, pairs: int) -> str:
             found.append(measured(shards, engine))
     inline, ray = median(runs["inline"]), median(runs["ray"])
     one, two = per_shard(inline, start["inline"], shards), per_shard(ray, start["ray"], shards)
-    large = measured(many, "ray") if many else None
-    rows = [f"| {part} | {one[part]:.0f} | {two[part]:.0f} |" for part in PARTS]
-    rows.append(f"| together | {sum(one.values()):.0f} | {sum(two.values()):.0f} |")
+    large = measured(many, "ray")
+    table = [f"| {part} | {one[part]:.0f} | {two[part]:.0f} |" for part in PARTS]
+    table.append(f"| together | {sum(one.values()):.0f} | {sum(two.values()):.0f} |")
     beside = two["driver"] + two["ray workers"] + two["services"] + two["stage processes"] - sum(one.values())
     lines = [
         "# Ray: shards of empty work", "",
@@ -146,29 +162,17 @@ def page(shards: int, many: int, pairs: int) -> str:
         f"two stage processes. CPU, user and system, of the whole process tree. Median of {pairs} alternating pairs. "
         f"{platform.machine()}, Python {platform.python_version()}. Written by `benchmarks/runner/bench_ray.py`.", "",
         f"## Microseconds of CPU a shard, {shards:,} shards, start-up apart", "",
-        "| process | inline | Ray |", "|---|--:|--:|", *rows, "",
+        "| process | inline | Ray |", "|---|--:|--:|", *table, "",
         f"Ray minus inline: **{beside:.0f} us** a shard. Inline, the driver executes the stages itself. Ray's services use CPU "
         "while they idle, in proportion to the wall time, and so they weigh most on a busy machine.", "",
         f"Start-up (a run of one shard): {cpu(start['inline']):.2f} CPU s inline, {cpu(start['ray']):.2f} on Ray.", ""]
-    if large is not None:
-        lines += [
-            f"## {many:,} shards on Ray", "", "| what | value |", "|---|--:|",
-            f"| driver: CPU | {large['driver']:.1f} s |", f"| driver: peak memory | {large['peak']:.0f} MiB |",
-            f"| driver: CPU a shard | {1e6 * (large['driver'] - start['ray']['driver']) / many:.0f} us |",
-            f"| all processes: CPU | {cpu(large):.1f} s |", f"| wall, two stage processes | {large['wall']:.0f} s |", ""]
-    return "\n".join(lines)
-
-
-def main() -> None:
-    """Parse the arguments, measure, write."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--shards", type=int, default=10_000)
-    parser.add_argument("--many", type=int, default=100_000, help="0: leave it out")
-    parser.add_argument("--pairs", type=int, default=3)
-    parser.add_argument("--output", type=Path, default=Path(__file__).with_name("ray.md"))
-    arguments = parser.parse_args()
-    arguments.output.write_text(page(arguments.shards, arguments.many, arguments.pairs), encoding="utf-8")
+    lines += [
+        f"## {many:,} shards on Ray", "", "| what | value |", "|---|--:|",
+        f"| driver: CPU | {large['driver']:.1f} s |", f"| driver: peak memory | {large['peak']:.0f} MiB |",
+        f"| driver: CPU a shard | {1e6 * (large['driver'] - start['ray']['driver']) / many:.0f} us |",
+        f"| all processes: CPU | {cpu(large):.1f} s |", f"| wall, two stage processes | {large['wall']:.0f} s |", ""]
+    return "\n".join(lines), beside, large
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(measure("ray", rows, __doc__))
