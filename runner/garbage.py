@@ -203,10 +203,7 @@ def _delete_rest(root: Path, codes: set[str], swept: GcResult) -> None:
 
 
 def _kept_rows(index: Index, keys: set[str], artifacts: set[str], drops: dict[str, str]) -> Iterator[list[Any]]:
-    """Rows of the kept traces and artifacts, and of their uses; failures are not kept.
-
-    Drops come last: segments are in no order of time, and an artifact that is read after its drop counts as stored again.
-    """
+    """Rows of the kept traces and artifacts, and of their uses; failures are not kept."""
     rows = [row for name in segment_names(index.root) for _, line in lines(read_from(index.root, name, 0)) if (row := decode(line))]
     specs = {row[3] for row in rows if row[0] == "trace" and row[1] in keys}
     wanted = {"trace": (1, keys), "artifact": (1, artifacts), "spec": (1, specs), "use": (3, keys)}

@@ -23,6 +23,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from runner.files import host
+from runner.lease import has_writer
 from runner.log_file import LogWriter
 from runner.masking import mask, mask_text
 from runner.process_tree import tree_usage
@@ -236,25 +237,10 @@ def collect(runs: Path) -> list[Path]:
     """Give the logs of killed runs their final names, and return them; those whose writer lives are locked, and stay."""
     found = []
     for name in os.listdir(runs):
-        if name.startswith(".") and name.endswith(PART) and not is_open(runs / name):
+        if name.startswith(".") and name.endswith(PART) and not has_writer(runs / name):
             with suppress(FileNotFoundError):  # another run has done it
                 found.append(_publish(runs / name))
     return found
-
-
-def is_open(path: Path) -> bool:
-    """Return True while a process writes this log."""
-    try:
-        file = os.open(path, os.O_RDONLY)
-    except FileNotFoundError:
-        return False
-    try:
-        fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return True
-    finally:
-        os.close(file)
-    return False
 
 
 def final_path(part: Path) -> Path:

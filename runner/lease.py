@@ -106,3 +106,18 @@ class KeyLeases:
                 raise
             return False
         return True
+
+
+def has_writer(path: Path) -> bool:
+    """Return True while a process holds the lock of a file that it writes: a segment, the log of a run."""
+    try:
+        file = os.open(path, os.O_RDONLY)
+    except FileNotFoundError:
+        return False
+    try:
+        fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    finally:
+        os.close(file)
+    return False

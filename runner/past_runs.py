@@ -13,7 +13,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from runner.history import ENDS, HITS, PART, RUN, STARTS, is_open
+from runner.history import ENDS, HITS, PART, RUN, STARTS
+from runner.lease import has_writer
 from runner.log_file import BrokenLogError, LoggedMessage, is_finished, read_log
 from runner.run_table import Keys, piece_path, read_table
 
@@ -116,7 +117,7 @@ def read_run(path: Path) -> RunRecord:
     """Read the summary of one run, also of one that goes on or was killed."""
     if not path.exists():  # renamed since it was listed: it has ended
         path = path.with_name(path.name.lstrip(".").removesuffix(PART))
-    going, began = path.name.startswith(".") and is_open(path), _began(path)
+    going, began = path.name.startswith(".") and has_writer(path), _began(path)
     try:
         if not going and is_finished(path):
             first, last = [message.data for message in read_log(path, (RUN,))]

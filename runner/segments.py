@@ -27,6 +27,7 @@ from typing import Any
 from blake3 import blake3
 
 from runner.files import FORMAT, host
+from runner.lease import has_writer
 
 CHECK = 32
 """hexadecimal digits of a row's checksum"""
@@ -160,18 +161,3 @@ class OtherRuns:
                 self.bodies[row[1]] = body_of(row[2], row[3], row[4])
         if ended:
             self._closed.add(name)
-
-
-def has_writer(path: Path) -> bool:
-    """Return True while a process holds the lock of a segment."""
-    try:
-        file = os.open(path, os.O_RDONLY)
-    except FileNotFoundError:
-        return False
-    try:
-        fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return True
-    finally:
-        os.close(file)
-    return False

@@ -14,7 +14,8 @@ from typing import Any
 from runner.canonical import file_digest, path_digest
 from runner.files import host, unique, write_atomic
 from runner.index import Entry, Index, Trace
-from runner.segments import SUFFIX, decode, encode, has_writer, lines, new_session, read_from, segment_names
+from runner.lease import has_writer
+from runner.segments import SUFFIX, decode, encode, lines, new_session, read_from, segment_names
 from runner.store import Store
 from runner.task_planner import kept_definitions
 

@@ -16,8 +16,7 @@ from toy import shout
 from toy_project import HERE, Project, graph, text, wait_until
 
 from runner.files import unique, write_atomic
-from runner.lease import Lease
-from runner.segments import has_writer
+from runner.lease import Lease, has_writer
 
 WORDS = ("ab", "cd", "ef")
 TASKS = 3 + 6 + 6 + 1

@@ -11,8 +11,8 @@ import pytest
 from toy_project import HERE, Project, graph, text
 
 from runner.index import Index, Manifest, manifest_of
-from runner.lease import KeyLeases
-from runner.segments import SegmentWriter, body_of, decode, encode, has_writer, lines, segment_names
+from runner.lease import KeyLeases, has_writer
+from runner.segments import SegmentWriter, body_of, decode, encode, lines, segment_names
 from runner.upkeep import MANY_SEGMENTS
 
 
