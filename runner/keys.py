@@ -225,17 +225,28 @@ def _normal(distribution: str) -> str:
 
 
 def _version(stage: str, library: str) -> str:
+    found = installed_version(library)
+    if found is None:
+        raise ValueError(f"{stage}: LIBRARIES names {library!r}, which is not installed; install it, or correct the name "
+                         "(it is the name of the distribution, e.g. opencv-python-headless)")
+    return found
+
+
+def installed_version(library: str) -> str | None:
+    """Version of a distribution; None when it is not installed."""
     if library not in _versions:
-        _versions[library] = _installed().get(_normal(library)) or _read_version(stage, library)
+        found = _installed().get(_normal(library)) or _read_version(library)
+        if found is None:
+            return None
+        _versions[library] = found
     return _versions[library]
 
 
-def _read_version(stage: str, library: str) -> str:
+def _read_version(library: str) -> str | None:
     """Version of a distribution whose metadata have another form."""
     from importlib import metadata  # 15 ms, and rarely needed
 
     try:
         return metadata.version(library)
     except metadata.PackageNotFoundError:
-        raise ValueError(f"{stage}: LIBRARIES names {library!r}, which is not installed; install it, or correct the name "
-                         "(it is the name of the distribution, e.g. opencv-python-headless)") from None
+        return None

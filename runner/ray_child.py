@@ -11,13 +11,12 @@ import struct
 import threading
 from collections.abc import Collection
 from dataclasses import replace
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 from runner.execute import Job, JobResult, JobSpec, WorkerSpec, Workplace, execute
 from runner.files import host
-from runner.keys import machine_kind
+from runner.keys import installed_version, machine_kind
 from runner.memory import resident_mib
 from runner.ray_node import DONE, HEAD, HEAD_BYTES, MEMORY, PROGRESS, REFUSED, SIZE, STEPS
 from runner.segments import OtherRuns, encode
@@ -146,12 +145,9 @@ class NoRuns(OtherRuns):
 def differing(spec: JobSpec) -> str:
     """Name what this node has otherwise than the key says, a library or the kind of machine; '' when nothing differs."""
     for name, version in spec.libraries.items():
-        try:
-            found = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            found = "none"
+        found = installed_version(name)
         if found != version:
-            return f"node {host()} has {name} {found}, the driver {version}; install the driver's versions on every node"
+            return f"node {host()} has {name} {found or 'none'}, the driver {version}; install the driver's versions on every node"
     if spec.machine and spec.machine != machine_kind():
         return (f"the output of {spec.stage} depends on the kind of machine; node {host()} is of the kind {machine_kind()!r}, the "
                 f"driver {spec.machine!r}: start the command on a machine of the nodes' kind")

@@ -153,9 +153,9 @@ class TaskPlanner:
         return any(self.store.state(digest) != "ok" for name, digest in children if name in demand)
 
     def _loss(self, output: str, state: str) -> Why:
-        if all(digest in self.index.drops for digest in self.store.lost(output)):
-            return "output dropped"
-        return "output damaged" if state == "damaged" else "output lost"
+        if state == "damaged":
+            return "output damaged"
+        return "output dropped" if all(digest in self.index.drops for digest in self.store.lost(output)) else "output lost"
 
     def job(self, task: Task, reason: Reason) -> Job:
         """Build the job that a worker executes."""

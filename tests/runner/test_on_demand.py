@@ -115,6 +115,21 @@ def test_a_damaged_output_without_a_reader_is_repaired(project: Project) -> None
     assert project.runner().run(chain("ab"), "all").ran == {"split": 1}
 
 
+def test_an_output_that_was_gone_once_is_repaired_when_it_is_damaged(project: Project) -> None:
+    """The record of the loss does not hide the damage."""
+    project.runner().run(chain("ab"), "all")
+    remove(project, "shout")
+    project.runner().run(chain("ab"), "all")
+    assert project.runner().run(chain("ab"), "all", force=["pair"]).ran["shout"] == 2
+    runner = project.runner()
+    made = runner.index.last("shout", "w0/w0.0")
+    assert made is not None and made.output in runner.index.drops
+    place = runner.store.path("blobs", runner.store.manifest(made.output).files[0].blob)
+    place.chmod(0o644)
+    place.write_bytes(b"wrong")
+    assert project.runner().run(chain("ab"), "all").ran == {"shout": 1}
+
+
 def test_the_index_remembers_what_is_gone(project: Project) -> None:
     """A loss is recorded once, with the stage."""
     project.runner().run(chain("ab"), "all")
