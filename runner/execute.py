@@ -108,7 +108,6 @@ class JobResult:
     cpu_s: float = 0.0
     wall_s: float = 0.0
     peak_mib: float = 0.0
-    damaged: bool = False
     rows: bytes = b""
     """rows that the worker has appended to `segment` at byte `start`; without a segment, to another store"""
     segment: str = ""
@@ -192,7 +191,7 @@ def execute(job: Job, place: Workplace, progress: Progress) -> JobResult:
     try:
         return _claimed(job, place, progress) if place.shared else _owned(job, place, progress)
     except LostError as lost:
-        return JobResult(job.key, "lost", message=" ".join((lost.digest, *lost.also)), damaged=lost.damaged)
+        return JobResult(job.key, "lost", message=" ".join((lost.digest, *lost.also)))
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # includes SystemExit: a stage that exits fails, and the run continues

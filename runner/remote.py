@@ -157,11 +157,6 @@ class Remote:
         """Rows of a segment; b"" when it is gone, or while the remote cannot be used."""
         return self.attempt(lambda: self.objects.get(f"traces/{name}"), None) or b""
 
-    def push_rows(self, rows: bytes) -> bool:
-        """Store the rows that travel as a new segment; False while the remote cannot be used."""
-        chosen = travelling(rows)
-        return not chosen or self.attempt(lambda: self._push_rows(chosen), False)
-
     def _push_rows(self, rows: bytes) -> bool:
         name = f"{self._session}-{os.getpid()}-{self._random}-{next(self._numbers):06d}.log"
         self.objects.create(f"traces/{name}", rows)  # the name is random: what is there is the same object, after a retry

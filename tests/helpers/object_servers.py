@@ -38,6 +38,20 @@ class Server:
     secrets: tuple[str, ...] = ()
 
 
+SERVERS = ["folder", "s3", pytest.param("azure", marks=pytest.mark.npm)]
+"""kinds of server, for the parameters of a fixture"""
+
+
+@contextmanager
+def serving(kind: str, place: Path) -> Iterator[Server]:
+    """Run a server of a kind, with its settings in the environment."""
+    made = {"folder": lambda: folder(place), "s3": s3_server, "azure": lambda: azure_server(place)}[kind]()
+    with made as running, pytest.MonkeyPatch.context() as patch:
+        for name, value in running.environment.items():
+            patch.setenv(name, value)
+        yield running
+
+
 @contextmanager
 def folder(path: Path) -> Iterator[Server]:
     """Serve a folder, which needs no server."""

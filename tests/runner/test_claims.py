@@ -17,18 +17,14 @@ from hypothesis import strategies as st
 from runner.claims import Claims, has_ended, machine_name
 from runner.objects import Objects, RemoteError
 from runner.remote import Remote
-from tests.helpers.object_servers import Server, azure_server, folder, s3_server
+from tests.helpers.object_servers import SERVERS, Server, serving
 
 KEY = "ab" * 32
 
 
-@pytest.fixture(scope="module", params=["folder", "s3", pytest.param("azure", marks=pytest.mark.npm)])
+@pytest.fixture(scope="module", params=SERVERS)
 def server(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
-    place = tmp_path_factory.mktemp(request.param)
-    made = {"folder": lambda: folder(place), "s3": s3_server, "azure": lambda: azure_server(place)}[request.param]()
-    with made as running, pytest.MonkeyPatch.context() as patch:
-        for name, value in running.environment.items():
-            patch.setenv(name, value)
+    with serving(request.param, tmp_path_factory.mktemp(request.param)) as running:
         yield running
 
 

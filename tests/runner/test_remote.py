@@ -20,20 +20,16 @@ from runner import remote as remote_module
 from runner.files import DamagedError
 from runner.objects import PART_BYTES, Objects, RemoteError, open_objects, scrubbed
 from runner.remote import Remote, RemoteWarning, blob_name, queued, travelling
-from tests.helpers.object_servers import Server, azure_server, folder, s3_server
+from tests.helpers.object_servers import SERVERS, Server, serving
 
 CHECK = b"0" * 32 + b" "
 ROWS = (CHECK + b'["spec","s",{"function":"stages.a:run"}]\n' + CHECK + b'["artifact","d","mask",[["m.png","ab",3,0]],null]\n'
         + CHECK + b'["trace","k","d","s","a","c0",{},{},1,"code",0.1,0.1,3.0,1.0]\n')
 
 
-@pytest.fixture(scope="module", params=["folder", "s3", pytest.param("azure", marks=pytest.mark.npm)])
+@pytest.fixture(scope="module", params=SERVERS)
 def server(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
-    place = tmp_path_factory.mktemp(request.param)
-    made = {"folder": lambda: folder(place), "s3": s3_server, "azure": lambda: azure_server(place)}[request.param]()
-    with made as running, pytest.MonkeyPatch.context() as patch:
-        for name, value in running.environment.items():
-            patch.setenv(name, value)
+    with serving(request.param, tmp_path_factory.mktemp(request.param)) as running:
         yield running
 
 
@@ -195,7 +191,7 @@ def test_memory_is_bounded(tmp_path: Path) -> None:
 def test_segments_travel_once(url: str, tmp_path: Path) -> None:
     """Each row reaches every other host once, and does not return to its own; names never collide."""
     one, two = remotes(url, tmp_path)
-    assert one.push_rows(ROWS) and one.push_rows(ROWS.replace(b'"k"', b'"l"')) and two.push_rows(ROWS.replace(b'"k"', b'"m"'))
+    assert one.publish((), ROWS) and one.publish((), ROWS.replace(b'"k"', b'"l"')) and two.publish((), ROWS.replace(b'"k"', b'"m"'))
     assert len(set(one.segments())) == 3 and one.segments() == two.segments()
     for remote, keys in ((one, [b'"m"']), (two, [b'"k"', b'"l"'])):
         arrived = list(remote.new_segments())
@@ -212,16 +208,16 @@ def test_private_rows_stay(url: str, tmp_path: Path) -> None:
                b'["artifact","e","mask",[["m.png","ab",3,0,"/home/me/m.png",[1,2,3,4]]],null]', b'["forget","k"]', b"{torn", b"3"]
     rows = b"".join(CHECK + row + b"\n" for row in private) + ROWS + CHECK + b'["trace"'
     one, two = remotes(url, tmp_path)
-    assert travelling(rows) == ROWS and one.push_rows(rows)
+    assert travelling(rows) == ROWS and one.publish((), rows)
     assert [arrived for _, arrived in two.new_segments()] == [ROWS]
-    assert one.push_rows(rows.replace(ROWS, b"")) and len(two.segments()) == 1
+    assert one.publish((), rows.replace(ROWS, b"")) and len(two.segments()) == 1
 
 
 def test_segments_of_a_run_are_merged(url: str, tmp_path: Path) -> None:
     """Into one with the same rows; segments of other runs stay."""
     one, two = remotes(url, tmp_path)
     rows = [ROWS.replace(b'"k"', b'"%d"' % number) for number in range(6)]
-    assert all(one.push_rows(row) for row in rows) and two.push_rows(ROWS)
+    assert all(one.publish((), row) for row in rows) and two.publish((), ROWS)
     one.merge()
     two.merge()
     assert len(two.segments()) == 2
@@ -248,7 +244,7 @@ def test_offline_is_one_warning(unreachable: str, tmp_path: Path) -> None:
     with pytest.warns(RemoteWarning, match="s3://bucket/x") as caught:
         assert not remote.connect() and not remote.online
         assert not remote.pull(blob, tmp_path / "x") and not remote.has(blob) and not remote.push(blob, path)
-        assert remote.segments() == [] and list(remote.new_segments()) == [] and not remote.push_rows(ROWS)
+        assert remote.segments() == [] and list(remote.new_segments()) == []
         assert not remote.publish([blob], ROWS) and remote.flush() == 1
     assert len(caught) == 1 and "hush" not in str(caught[0].message) and "AKIDX" not in str(caught[0].message)
     assert len(queued(tmp_path)) == 1 and not (tmp_path / "x").exists()
@@ -283,7 +279,7 @@ def test_the_remote_is_tried_again(url: str, tmp_path: Path, monkeypatch: pytest
         patch.setattr(remote.objects, "list", fail)
         assert remote.segments() == [] and remote.segments() == []
     assert len(caught) == 1
-    assert remote.push_rows(ROWS) and len(remote.segments()) == 1
+    assert remote.publish((), ROWS) and len(remote.segments()) == 1
 
 
 # -- configuration and credentials ---------------------------------------------------------------------------------

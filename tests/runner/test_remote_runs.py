@@ -23,20 +23,16 @@ from runner import claims as claims_module
 from runner import objects as objects_module
 from runner.objects import open_objects
 from runner.remote import RemoteWarning, blob_name, queued
-from tests.helpers.object_servers import Server, azure_server, folder, s3_server
+from tests.helpers.object_servers import SERVERS, Server, s3_server, serving
 
 WORDS = ("one two", "three four", "five six", "seven eight")
 PARTS = 8
 TASKS = {"split": 4, "shout": PARTS, "pair": PARTS, "join": 1}
 
 
-@pytest.fixture(scope="module", params=["folder", "s3", pytest.param("azure", marks=pytest.mark.npm)])
+@pytest.fixture(scope="module", params=SERVERS)
 def server(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
-    place = tmp_path_factory.mktemp(request.param)
-    made = {"folder": lambda: folder(place), "s3": s3_server, "azure": lambda: azure_server(place)}[request.param]()
-    with made as running, pytest.MonkeyPatch.context() as patch:
-        for name, value in running.environment.items():
-            patch.setenv(name, value)
+    with serving(request.param, tmp_path_factory.mktemp(request.param)) as running:
         yield running
 
 
