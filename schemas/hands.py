@@ -42,7 +42,7 @@ class HandTracks(Schema):
     keypoints_px: np.ndarray = array("2 t 21 2", "float32", "x, y of each keypoint; 0 where there are no landmarks", unit="px",
                                      frame="image of width_px x height_px")
     confidence: np.ndarray = array("2 t 21", "float32", "confidence of each keypoint, 0..1; 0 where there are no landmarks")
-    keypoints_m: np.ndarray = array("2 t 21 3", "float32", "keypoints at the assumed hand size and focal length; 0 where no landmarks",
+    keypoints_m: np.ndarray = array("2 t 21 3", "float32", "keypoints at the assumed hand size and focal length; else 0",
                                     unit="m", frame="camera: x right, y down, z away")
     finger_contact: np.ndarray = array("2 t 5", "float32", "probability that thumb, index, middle, ring, little finger touch the "
                                        "object in the hand; 0 where unknown")
