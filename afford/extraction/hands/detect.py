@@ -10,8 +10,9 @@ from typing import Literal
 import numpy as np
 
 from afford.extraction.hands import LEFT, RIGHT, SLEEVE, TOUCHED, Detection
-from afford.extraction.hands.held_objects import NOTHING, ContactModel, HandMasks, contacts, held_objects
+from afford.extraction.hands.held_objects import NOTHING, ContactModel, touched_objects
 from afford.extraction.hands.motion import SampledFrames, evenly_spaced, residual_speed, sample_frames
+from afford.extraction.hands.object_evidence import EvidenceModel, HandMasks
 from afford.extraction.hands.part_tracks import Track, link_segments
 from afford.extraction.hands.refine import guided_filter, refine_by_colour, smooth_over_time
 from afford.extraction.hands.sides import SidePrior, assign_sides, drop_small_tracks, hand_segments
@@ -39,14 +40,12 @@ def _objects_and_contacts(
     seen: np.ndarray, sampled: SampledFrames, hands: HandMasks, params: Detection
 ) -> tuple[list[Track], dict[Hand, np.ndarray]]:
     """Find the touched objects, and for each side the object touched in each sampled frame."""
-    width, least_px = sampled.rgb.shape[2], params.least_object * _area(sampled)
-    model = ContactModel(params.reach_px, params.far * width, least_px, params.motion, params.sleeve, params.lasting)
-    parts = held_objects(seen[..., TOUCHED], seen[..., SLEEVE], sampled, hands, model)
-    found = link_segments(parts, sampled, params.link_min_iou, params.rest_looks, rests=True)
-    least = _min_times_seen(sampled, params.least_looks)
-    objects = [track for track in found if track.times_seen >= least[min(track.segments)]]
-    touch = contacts(objects, hands, len(sampled.at), params.reach_px, params.least_looks)
-    return objects, touch
+    width, facing = sampled.rgb.shape[2], params.viewpoint == "facing"
+    evidence = EvidenceModel(params.foreground, params.motion, params.sleeve, params.lasting, params.far * width, facing)
+    least_px = params.least_object * _area(sampled)
+    model = ContactModel(params.reach_px, least_px, params.link_min_iou, params.rest_looks, params.least_looks)
+    found = touched_objects(sampled, hands, {}, evidence, model, seen[..., TOUCHED], seen[..., SLEEVE])
+    return found.objects, found.contact
 
 
 def _area(sampled: SampledFrames) -> int:

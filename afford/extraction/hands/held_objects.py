@@ -10,17 +10,17 @@ import numpy as np
 
 from afford.common.masks import dilate
 from afford.extraction.hands.grip import Keypoints, finger_contact, grip_ring
-from afford.extraction.hands.motion import SampledFrames
-from afford.extraction.hands.object_evidence import EvidenceModel, HandMasks, all_hands, object_odds, same_colour
+from afford.extraction.hands.motion import SampledFrames, same_colour
+from afford.extraction.hands.object_evidence import EvidenceModel, HandMasks, all_hands, object_odds
 from afford.extraction.hands.part_tracks import Segment, Track, link_segments
-from afford.extraction.hands.refine import components
+from afford.extraction.hands.refine import components, segment_grabcut
 from schemas.video import SIDES, Hand
 
 NOTHING = -1
-PROBABLE, CERTAIN, EXCLUDED, LIKELY = 2.0, 4.0, -1.0, 3.0
-"""log odds of probable and certain foreground and of certain background, and mean log odds of a piece apart from the hand"""
-BOX_PX, PIECE_PX, JOIN_PX, OPENING_PX = 24, 30, 10, 3
-"""margin of GrabCut; least area of a piece; largest gap between pieces of an object; narrower bridges are cut"""
+LIKELY = 3.0
+"""mean log odds from which a piece apart from the hand may belong to its object"""
+PIECE_PX, JOIN_PX, OPENING_PX = 30, 10, 3
+"""least area of a piece; largest gap between pieces of an object; narrower bridges are cut"""
 LEAST_OVERLAP_PX, SHARE = 8, 0.15
 """least overlap of a piece with the surroundings of a hand, and its share of the largest overlap with any hand"""
 ARM_PX, SLEEVE = 3, 1.0
@@ -79,20 +79,21 @@ def touched_objects(
 
 
 def _held(
-    sampled: SampledFrames, k: int, odds: np.ndarray, arms: np.ndarray, hands: HandMasks, keypoints: Keypoints, evidence: EvidenceModel,
-    model: ContactModel,
+    sampled: SampledFrames, k: int, odds: np.ndarray, arms: np.ndarray, hands: HandMasks, keypoints: Keypoints,
+    evidence: EvidenceModel, model: ContactModel,
 ) -> dict[Hand, np.ndarray]:
     """Segment what each hand holds in sampled frame k: side -> mask (h, w) bool; sides without an object are missing."""
     skin = all_hands(hands, k, odds.shape)
     if not skin.any():
         return {}
     far = cv2.distanceTransform((~skin).astype(np.uint8), cv2.DIST_L2, 3) > evidence.far_px
-    found = components(segment_sharp(odds, sampled.rgb[k], skin | arms | far), PIECE_PX, OPENING_PX)
+    found = components(segment_grabcut(odds, sampled.rgb[k], skin | arms | far), PIECE_PX, OPENING_PX)
     rings = {side: grip_ring(hands[side][k], keypoints[side].at(k) if side in keypoints else None, model.ring_px)
              for side in SIDES if k in hands[side]}  # fmt: skip
     pieces = [piece for piece in found if not _sleeve(piece, arms, rings)]
     overlap = [{side: int((ring & piece).sum()) for side, ring in rings.items()} for piece in pieces]
-    apart = [piece for piece, at in zip(pieces, overlap, strict=True) if max(at.values()) < LEAST_OVERLAP_PX and odds[piece].mean() > LIKELY]
+    apart = [piece for piece, at in zip(pieces, overlap, strict=True)
+             if max(at.values()) < LEAST_OVERLAP_PX and odds[piece].mean() > LIKELY]  # fmt: skip
     out = {}
     for side in rings:
         mine = [piece for piece, at in zip(pieces, overlap, strict=True)
@@ -117,25 +118,6 @@ def _joined(mine: Sequence[np.ndarray], apart: Sequence[np.ndarray]) -> np.ndarr
         if (dilate(piece, JOIN_PX) & whole).any():
             whole = whole | piece
     return whole
-
-
-def segment_sharp(odds: np.ndarray, rgb: np.ndarray, never: np.ndarray) -> np.ndarray:
-    """Segment objects by GrabCut at full size, (h, w) bool, outside the mask `never` (h, w) bool. odds: (h, w) log odds."""
-    label = np.full(odds.shape, cv2.GC_PR_BGD, np.uint8)
-    label[odds > PROBABLE] = cv2.GC_PR_FGD
-    label[odds > CERTAIN] = cv2.GC_FGD
-    label[(odds < EXCLUDED) | never] = cv2.GC_BGD
-    out = np.zeros(odds.shape, bool)
-    rows, columns = np.nonzero(label & cv2.GC_FGD)
-    if len(rows) >= PIECE_PX:
-        box = tuple(slice(max(at.min() - BOX_PX, 0), at.max() + BOX_PX) for at in (rows, columns))
-        inside = np.ascontiguousarray(label[box])
-        if not (inside & cv2.GC_FGD).all():
-            cv2.setRNGSeed(0)
-            models = np.zeros((1, 65)), np.zeros((1, 65))
-            cv2.grabCut(np.ascontiguousarray(rgb[box]), inside, None, *models, 1, cv2.GC_INIT_WITH_MASK)
-        out[box] = (inside & cv2.GC_FGD) > 0
-    return out & ~never
 
 
 def fill_holes(mask: np.ndarray, hand: np.ndarray) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import cv2
@@ -11,7 +11,7 @@ import numpy as np
 from afford.common.masks import dilate
 from afford.extraction.hands.forearm import forearms
 from afford.extraction.hands.grip import Keypoints
-from afford.extraction.hands.motion import MAX_ODDS, SampledFrames, comotion
+from afford.extraction.hands.motion import SampledFrames, comotion, propagate_odds
 from afford.extraction.hands.still_background import StillBackground, Unexplained
 from schemas.video import SIDES, Hand
 
@@ -27,8 +27,6 @@ MIN_PROBABILITY = 0.2
 """probabilities of the hand finder are clipped to this value and 1 minus it: it was trained on few objects"""
 ARM_OFFSETS = (2, 5, 10)
 """distances, in sampled frames, of the frames that show the background of an arm"""
-SAME_COLOUR = 60.0
-"""sum of absolute differences of the channels at which odds of the previous sampled frame are half propagated"""
 
 
 @dataclass(frozen=True)
@@ -66,10 +64,13 @@ def object_odds(
         background.exclude([dilate(mask | other, MARGIN_PX) for mask, other in zip(skin, cloth, strict=True)])
         arms += cloth
         for i, k in enumerate(run):
-            odds = _frame_odds(background.unexplained(i), sampled, k, hands, model) if skin[i].any() else np.zeros_like(skin[i], np.float32)
-            odds = odds + _finder_odds(k, touched, sleeve, model.sleeve)
-            own.append(np.where(skin[i] | cloth[i], HAND_ODDS, odds).astype(np.float32) if skin[i].any() else odds)
-    return propagate_by_colour(own, sampled, model.lasting), arms
+            odds = np.zeros(skin[i].shape, np.float32)
+            if skin[i].any():
+                found = background.unexplained(i)
+                odds = _frame_odds(found, sampled, k, hands, model) + _finder_odds(k, touched, sleeve, model.sleeve)
+                odds = np.where(skin[i] | cloth[i], HAND_ODDS, odds).astype(np.float32)
+            own.append(odds)
+    return propagate_odds(own, sampled, model.lasting), arms
 
 
 def all_hands(hands: HandMasks, k: int, shape: tuple[int, ...]) -> np.ndarray:
@@ -101,30 +102,9 @@ def _frame_odds(found: Unexplained, sampled: SampledFrames, k: int, hands: HandM
 
 
 def _finder_odds(k: int, touched: np.ndarray | None, sleeve: np.ndarray | None, weight: float) -> np.ndarray:
-    odds = np.float32(0)
+    """Log odds of the hand finder, (h, w) or () float32; 0 without one."""
+    odds = np.zeros((), np.float32)
     if touched is not None:
         p = np.clip(touched[k].astype(np.float32), MIN_PROBABILITY, 1 - MIN_PROBABILITY)
-        odds = np.log(p / (1 - p))
-    return odds if sleeve is None else odds - weight * sleeve[k].astype(np.float32)
-
-
-def propagate_by_colour(odds: Sequence[np.ndarray], sampled: SampledFrames, weight: float) -> list[np.ndarray]:
-    """Propagate log odds (h, w) over time by motion, forwards and backwards, where colours agree; the larger of both counts.
-
-    So an object that is moved, or will be, stays an object while it rests, and the place that it leaves becomes background.
-    """
-    out = [list(odds), list(odds)]
-    for chain, step in zip(out, (1, -1), strict=True):
-        for k in range(len(odds))[::step]:
-            before = sampled.warp(chain[k - step], k, step) if 0 <= k - step < len(odds) else None
-            if before is not None:
-                chain[k] = np.clip(odds[k] + weight * before * same_colour(sampled, k, step), -MAX_ODDS, MAX_ODDS)
-    return [np.maximum(one, other) for one, other in zip(*out, strict=True)]
-
-
-def same_colour(sampled: SampledFrames, k: int, step: int) -> np.ndarray:
-    """Score (h, w) float32 from 0 to 1 the agreement of colours of sampled frame k with frame k - step, warped by motion."""
-    warped = [sampled.warp(sampled.rgb[k - step, ..., c].astype(np.float32), k, step) for c in range(3)]
-    apart = cv2.blur(np.abs(np.stack(warped, -1) - sampled.rgb[k]).sum(-1), (5, 5))
-    agreement: np.ndarray = 1 / (1 + (apart / SAME_COLOUR) ** 4)
-    return agreement
+        odds = odds + np.log(p / (1 - p))
+    return np.asarray(odds if sleeve is None else odds - weight * sleeve[k].astype(np.float32))

@@ -56,7 +56,8 @@ class StillBackground:
         rgb = sampled.rgb[run.start : run.stop]
         self.shape = rgb.shape[1:3]
         self.size = (max(rgb.shape[2] // 2, 1), max(rgb.shape[1] // 2, 1))
-        self._small = [cv2.GaussianBlur(cv2.resize(picture, self.size, interpolation=cv2.INTER_AREA), (0, 0), 0.7) for picture in rgb]
+        small = (cv2.resize(picture, self.size, interpolation=cv2.INTER_AREA) for picture in rgb)
+        self._small = [cv2.GaussianBlur(picture, (0, 0), 0.7) for picture in small]
         self.exclude(moving)
         self._to_first = list(_chain(rgb, moving))
         width, height = self.size
