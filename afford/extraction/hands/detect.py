@@ -11,12 +11,13 @@ import numpy as np
 
 from afford.extraction.hands import LEFT, RIGHT, SLEEVE, TOUCHED, Detection
 from afford.extraction.hands.held_objects import NOTHING, ContactModel, HandMasks, contacts, held_objects
-from afford.extraction.hands.motion import SampledFrames, evenly_spaced, residual_speed, sample_frames
+from afford.extraction.hands.motion import SampledFrames, residual_speed, sample_frames
 from afford.extraction.hands.part_tracks import Track, link_segments
 from afford.extraction.hands.refine import guided_filter, refine_by_colour, smooth_over_time
 from afford.extraction.hands.sides import SidePrior, assign_sides, drop_small_tracks, hand_segments
 from afford.extraction.sources.narrations import DEFAULT_TASK
 from afford.extraction.sources.outlines import trace
+from afford.extraction.tracks.key_frames import evenly_spaced
 from schemas.video import HAND_CLASS, NOT_IN_CONTACT, SIDES, Annotation, Clip, Frames, Hand, KeyFrame, Narration
 
 Finder = Callable[[np.ndarray], np.ndarray]
