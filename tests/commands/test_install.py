@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import re
 import subprocess
 import sys
 import tomllib
 from pathlib import Path
-from types import ModuleType
 
 import pytest
+
+from tests.helpers.install_scripts import of_install
 
 ROOT = Path(__file__).resolve().parents[2]
 BIN = Path(sys.executable).parent
@@ -22,15 +22,6 @@ NAMES = ("afford", "commands", "maps", "pipeline", "runner", "schemas", "stages"
 def python(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
     """Run Python of this environment in a folder, with the project on its path only through the install."""
     return subprocess.run([sys.executable, *words], cwd=folder, capture_output=True, text=True, env={"PATH": "/usr/bin:/bin"})
-
-
-def of_install(name: str) -> ModuleType:
-    """Load a script of the folder install/."""
-    spec = importlib.util.spec_from_file_location(f"install_{name}", ROOT / "install" / f"{name}.py")
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 def test_the_project_is_importable_from_any_folder(tmp_path: Path) -> None:
