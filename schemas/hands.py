@@ -54,7 +54,7 @@ class HandTracks(Schema):
 class DetectedHands(Schema):
     """Output of hand_detect: the clip with key frames, and the two hands over time."""
 
-    clip: Clip = value("clip with the detected key frames")
+    clip: Clip = value("clip with the detected key frames; its warnings end with those of the detection")
     hands: HandTracks = value("two hands over time")
 
 

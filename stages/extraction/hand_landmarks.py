@@ -27,6 +27,9 @@ TIMEOUT_S = 86400.0  # reports no progress: minutes for most clips, hours for a 
 class Params(Search):
     """Parameters of `hand_landmarks`."""
 
+    model: str = ""
+    """folder of the two TFLite files; by default those of `make setup`"""
+
 
 def run(media: FileTree, footage: Footage, params: Params, weights: FileTree) -> HandLandmarks:
     """Detect landmarks in a clip; ValueError names the file when media or model cannot be used."""

@@ -49,6 +49,11 @@ class LandmarkTrack:
         return sum(one.presence for one in self.found.values())
 
     @property
+    def size_px(self) -> float:
+        """Median size of the hand."""
+        return float(np.median([hand_size(one.points_px) for one in self.found.values()]))
+
+    @property
     def certainty(self) -> float:
         """Largest presence in any frame."""
         return max(one.presence for one in self.found.values())
