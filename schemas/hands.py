@@ -57,6 +57,11 @@ class DetectedHands(Schema):
     clip: Clip = value("clip with the detected key frames; its warnings end with those of the detection")
     hands: HandTracks = value("two hands over time")
 
+    @property
+    def clip_id(self) -> str:
+        """Clip."""
+        return self.clip.clip_id
+
 
 @dataclass(frozen=True)
 class MotionRemarks(Schema):

@@ -60,4 +60,4 @@ def run(
         raise ValueError(f"{clip.clip_id}: hands are found by landmarks or by a hand finder, and there is neither; run "
                          "`make setup` with a network, or choose --set hand_detect.backend=network")
     find = partial(load(BACKENDS, params.backend), params=block(params, params.backend), weights=weights)
-    return detect(clip, frames, landmarks, find, params)
+    return detect(clip, frames, find, params, landmarks)

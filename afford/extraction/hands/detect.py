@@ -28,7 +28,7 @@ Finder = Callable[[np.ndarray], np.ndarray | None]
 NO_LANDMARKS = "hands were found by the hand finder alone: the landmark networks are not installed (`make setup` fetches them)"
 
 
-def detect(clip: Clip, frames: Frames, landmarks: HandLandmarks | None, find: Finder, params: Detection) -> DetectedHands:
+def detect(clip: Clip, frames: Frames, find: Finder, params: Detection, landmarks: HandLandmarks | None = None) -> DetectedHands:
     """Detect the hands, and add key frames about `every_s` apart to the clip."""
     sampled = sample_frames(frames, params.look_s, None if landmarks is None else landmarks.frame)
     seen = _probabilities(sampled, find, params)
