@@ -113,7 +113,8 @@ def page(rows: list[Row], parts: str) -> str:
                       f"{row.metric_mm.mean():.2f}", f"{row.handedness.mean():.2f}", f"{row.library_ms:.0f}", f"{row.ours_ms:.0f}"))
     text = ("`afford.extraction.landmarks` compared with `mediapipe==0.10.21` (`solutions.hands`, model_complexity 1, two hands, "
             f"thresholds .5) on the same pictures of 1280 x 720; of videos the first {VIDEO_FRAMES} frames. px: distance between "
-            "corresponding landmarks of hands that both found. One core; CPU milliseconds of everything, a picture. "
+            "corresponding landmarks of hands that both found. In a video each frame starts from the landmarks of the one before, "
+            "which amplifies differences in the last digits. One core; CPU milliseconds of everything, a picture. "
             "Written by `benchmarks/bench_hand_landmarks.py`.")
     return "\n".join(["# Hand landmarks", "", text, "", *("| " + " | ".join(line) + " |" for line in lines), "", parts]) + "\n"
 
