@@ -54,8 +54,13 @@ class HandTracks(Schema):
 class DetectedHands(Schema):
     """Output of hand_detect: the clip with key frames, and the two hands over time."""
 
-    clip: Clip = value("clip with the detected key frames")
+    clip: Clip = value("clip with the detected key frames; its warnings end with those of the detection")
     hands: HandTracks = value("two hands over time")
+
+    @property
+    def clip_id(self) -> str:
+        """Clip."""
+        return self.clip.clip_id
 
 
 @dataclass(frozen=True)

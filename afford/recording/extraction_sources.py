@@ -18,6 +18,7 @@ from afford.common.palette import Colour, colours_of
 from afford.recording.mcap_files import EPOCH_NS, Message, Recording
 from afford.recording.messages import FrameState, NarrationState, channel, image, image_channel, log, stamped, times_of
 from schemas.affordance import FrameLabels
+from schemas.hands import DetectedHands
 from schemas.masks import Entity
 from schemas.video import Annotation, Clip, Frames, KeyFrame, Narration
 
@@ -126,9 +127,9 @@ def _stamp(part: PointsAnnotation | TextAnnotation, time_ns: int) -> None:
 DETECTED_OUTLINES = "/hand_detect/outlines"
 
 
-def record_detections(value: Clip, frames: Frames) -> Recording:
+def record_detections(value: DetectedHands, frames: Frames) -> Recording:
     """Outlines of detected hands and the objects they touch: a clip -> /hand_detect/outlines."""
-    return Recording((channel(DETECTED_OUTLINES, ImageAnnotations),), list(outlines(value, frames, DETECTED_OUTLINES)))
+    return Recording((channel(DETECTED_OUTLINES, ImageAnnotations),), list(outlines(value.clip, frames, DETECTED_OUTLINES)))
 
 
 NARRATION, NARRATION_LOG = "/narration", "/narration/log"

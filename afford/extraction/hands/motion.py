@@ -10,6 +10,7 @@ import numpy as np
 
 from afford.common.masks import dilate, fill_nearest
 from afford.common.optical_flow import flow_between, identity_map
+from afford.extraction.tracks.key_frames import evenly_spaced
 from afford.extraction.tracks.key_frames import runs as split_runs
 from schemas.video import Frames
 
@@ -41,21 +42,19 @@ class SampledFrames:
         return None if flow is None else _warp(image, flow)
 
 
-def sample_frames(frames: Frames, every_s: float) -> SampledFrames:
-    """Sample frames about `every_s` apart, including the first and the last of every run."""
-    chosen = [evenly_spaced(frames.time_ns[part] / 1e9, every_s) + part.start for part in split_runs(frames.frame, 1)]
+def sample_frames(frames: Frames, every_s: float, numbers: np.ndarray | None = None) -> SampledFrames:
+    """Sample frames about `every_s` apart, including the first and the last of every run, or the frames of these `numbers`."""
+    parts = split_runs(frames.frame, 1)
+    if numbers is None:
+        chosen = [evenly_spaced(frames.time_ns[part] / 1e9, every_s) + part.start for part in parts]
+    else:
+        there = np.flatnonzero(np.isin(frames.frame, numbers))
+        chosen = [part for part in (there[(there >= one.start) & (there < one.stop)] for one in parts) if len(part)]
     at = np.concatenate(chosen)
     grey = [cv2.cvtColor(_half(rgb), cv2.COLOR_RGB2GRAY) for rgb in frames.rgb[at]]
     starts = set(np.cumsum([0, *map(len, chosen)]).tolist())
     back, forth = list(_flows(grey, starts, -1)), list(_flows(grey, starts, 1))
     return SampledFrames(at, frames.rgb[at], frames.time_ns[at] / 1e9, back, forth)
-
-
-def evenly_spaced(time_s: np.ndarray, every_s: float) -> np.ndarray:
-    """Choose positions in ascending times (n,) that are about `every_s` apart, including the first and the last."""
-    count = max(round((time_s[-1] - time_s[0]) / every_s), 1) + 1
-    wanted = np.linspace(time_s[0], time_s[-1], count)
-    return np.unique(np.abs(time_s[:, None] - wanted).argmin(0))
 
 
 def _half(rgb: np.ndarray) -> np.ndarray:
