@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 from schemas.affordance import Affordances, FrameLabels, Samples
 from schemas.files import FileTree
+from schemas.hands import DetectedHands
 from schemas.masks import CompleteObjects, Tracks
 from schemas.spec import Context
 from schemas.video import Clip, Frames, Inpainted
@@ -34,7 +35,7 @@ STAGES = {
     "sample_assemble": "afford.recording.extraction_results:record_samples",
 }
 
-Recorded = Clip | Frames | Tracks | Inpainted | CompleteObjects | Affordances | FrameLabels | Samples
+Recorded = Clip | DetectedHands | Frames | Tracks | Inpainted | CompleteObjects | Affordances | FrameLabels | Samples
 
 
 @dataclass(frozen=True)
