@@ -25,7 +25,7 @@ MEMORY_GIB = 1.0
 
 STAGES = {
     "source_read": "afford.recording.extraction_sources:record_clip",
-    "hand_detect": "afford.recording.extraction_sources:record_detections",
+    "hand_detect": "afford.recording.hands:record_detections",
     "frame_decode": "afford.recording.extraction_sources:record_frames",
     "mask_densify": "afford.recording.extraction_results:record_tracks",
     "hand_inpaint": "afford.recording.extraction_results:record_inpainted",
