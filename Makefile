@@ -81,10 +81,10 @@ sor3d: $(READY) ## where things afford what, from RGB-D video of their use (SOUR
 demo: $(READY) ## a page at http://127.0.0.1:8000 where the trained model is asked (ARGS="--model DIR --port N")
 	@$(RUN) demo --store "$(STORE)" $(ARGS)
 
-test: $(DEV) ## run every law on small cases (not the tests marked slow or npm)
-	@$(PY) -m pytest -n auto --dist loadfile -m "not slow and not npm" $(ARGS)
+test: $(DEV) ## run every law on small cases (not the tests marked slow, npm or mediapipe)
+	@$(PY) -m pytest -n auto --dist loadfile -m "not slow and not npm and not mediapipe" $(ARGS)
 
-test-all: $(DEV) ## run every test: full sizes, browsers, npm and fuzzing too; prints how long it took
+test-all: $(DEV) ## run every test: full sizes, browsers, npm, MediaPipe and fuzzing too; prints how long it took
 	@$(PY) -m pytest -n auto --dist loadfile --durations=20 $(ARGS)
 
 check: lint types test ## what CI runs

@@ -250,6 +250,8 @@ def _change(chosen: Settings, stage: str, name: str, value: Any) -> Settings:
     if (stage, name) == ("model_train", "backend"):
         raise UsageError(f"model_train.backend: model_train trains only the two-hand model; {value} is trained by "
                          f"{TRAINED_BY.get(str(value), 'another stage')}, so set the parameters of that stage")
+    if (stage, name) == ("hand_detect", "finder"):
+        name, value = "backend", "landmarks" if value == "none" else value
     return chosen.with_stages(**{stage: _changed(chosen.params(stage), stage, name, value)})
 
 

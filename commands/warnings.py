@@ -73,7 +73,8 @@ def _of_video(outputs: _Outputs, video: str) -> Iterator[StageWarning]:
             none = no_hands_remark((mask["side"], mask["name"]) for mask in masks)
             yield from (StageWarning("source_read", video, text) for text in (*clip["warnings"], *([none] if none else [])))
             for stage, texts in (("frame_decode", _of_frames(clip, outputs.of("frame_decode", f"{video}/{name}"))),
-                                 ("hand_detect", _of_hands(outputs.of("hand_detect", f"{video}/{name}"))),
+                                 ("hand_detect", _of_hands(clip, outputs.part("hand_detect", f"{video}/{name}", "clip"))),
+                                 ("hand_motion", _of_motions(outputs.part("hand_motion", f"{video}/{name}", "remarks"))),
                                  ("narration_labelling", _of_labels(outputs.of("narration_labelling", f"{video}/{name}")))):
                 yield from (StageWarning(stage, name, text) for text in texts)
     except LostError as error:
@@ -93,15 +94,23 @@ def _of_frames(clip: Fields, frames: Fields | None) -> Iterator[str]:
         yield remark
 
 
-def _of_hands(clip: Fields | None) -> Iterator[str]:
-    """Warn when the detector found no hand, or no contact, in a video without masks."""
+def _of_hands(read: Fields, clip: Fields | None) -> Iterator[str]:
+    """Warn about a video without masks: warnings of the detection, and no hand or no contact at all.
+
+    read: the clip before the detection.
+    """
     if clip is None:
         return
+    yield from clip["warnings"][len(read["warnings"]) :]
     hands = [mask for key in map(_plain, clip["key_frames"]) for mask in map(_plain, key["annotations"]) if mask["side"]]
     if not hands:
         yield "no hand was found"
     elif all(hand["contact"] in (*NOT_IN_CONTACT, *UNKNOWN_CONTACT) for hand in hands):
         yield "hands were found, but nothing that they touch"
+
+
+def _of_motions(remarks: Fields | None) -> Iterator[str]:
+    yield from remarks["texts"] if remarks else ()
 
 
 def _of_labels(labels: Fields | None) -> Iterator[str]:
@@ -134,6 +143,11 @@ class _Outputs:
         """Fields of the output of a stage for a clip; None if the run has none."""
         digest = self._digest(stage, shard) if (stage, shard) in self._done else None
         return self.fields(digest) if digest else None
+
+    def part(self, stage: str, shard: str, name: str) -> Fields | None:
+        """Fields of one part of the output of a stage for a clip; None if the run has none."""
+        digest = self._digest(stage, shard) if (stage, shard) in self._done else None
+        return self.fields(dict(self._runner.children(digest) or [])[name]) if digest else None
 
     def fields(self, digest: str) -> Fields:
         """Fields of a stored value; no array is read."""

@@ -17,11 +17,15 @@ from schemas.files import FileTree
 def resolve_weights(chosen: Settings, digest: Callable[[Path], str]) -> Settings:
     """Add the files of every model that a selected backend reads, and of the `backbones` of a training.
 
-    `model` and `backbones` keep only a name, so that the location is not part of the key. UsageError when a model cannot be
-    found.
+    The landmark networks are those of `make setup`, if they are there. `model` and `backbones` keep only a name, so that the
+    location is not part of the key. UsageError when a model cannot be found.
     """
     found: dict[str, FileTree] = {}
     named: dict[str, Any] = {}
+    networks = _landmark_networks(chosen.extraction.hand_landmarks.model, digest)
+    if networks is not None:
+        found["hand_landmarks"] = networks
+        named["hand_landmarks"] = dataclasses.replace(chosen.extraction.hand_landmarks, model="")
     for stage in SYSTEM_OF:
         params = chosen.params(stage)
         if getattr(params, "backbones", ""):
@@ -66,6 +70,15 @@ def _files(parameter: str, model: str, digest: Callable[[Path], str]) -> FileTre
         return weight_files(model, digest)
     except ValueError as error:
         raise UsageError(f"{parameter}: {error}") from error
+
+
+def _landmark_networks(folder: str, digest: Callable[[Path], str]) -> FileTree | None:
+    from afford.extraction.landmarks.files import landmark_files
+
+    try:
+        return landmark_files(digest, folder)
+    except ValueError as error:
+        raise UsageError(f"hand_landmarks.model: {error}") from error
 
 
 def _label(model: str) -> str:

@@ -20,6 +20,7 @@ from schemas.hand import (
     RetargetReport,
     RetargetVerdict,
 )
+from schemas.hands import DetectedHands, HandLandmarks, HandTracks, MotionRemarks, VideoMotions
 from schemas.interaction import (
     ActionClip,
     FlowScore,
@@ -57,13 +58,14 @@ from schemas.video import Annotation, Clip, Footage, Frames, Inpainted, KeyFrame
 
 SCHEMAS: tuple[type[Schema], ...] = (
     ActionClip, Affordances, Annotation, Case, Clip, ClipScores, ClipTruth, ClipsFollowed, CompleteObjects, Curve,
-    DistanceField, Entity, FileRef, FileTree, FlowScore, Footage, FrameLabels, Frames, GraspCandidates, GraspComparison,
-    GraspEpisodes, GraspExam, GraspJudgement, GraspObject, GraspObjects, GraspScene, GraspTarget, GraspTask, GraspTrace,
-    HandCandidates, HandFingers, HandJoints, HandLessons, HandMesh, HandModel, HandMotion, HandReference, HandRoom, Inpainted,
-    InteractionClip, InteractionScores, InteractionSpec, InteractionTruth, KeyFrame, MeshParts, MeshReport, MethodScores,
-    Mode, Narration, NegativeAffordance, NegativeAffordances, NegativeScore, NegativeScores, ObjectMesh, ObjectSpec,
-    ObjectViews, PartCandidates, PartDescription, PartDescriptions, PartLessons, PartNote, PartScores, PartedMesh, Picture,
-    Polygon, PositiveAffordance, PositiveAffordances, Prediction, ReadMesh, Recipe, ReferenceSet, RenderedClip,
-    RenderedInteraction, Repair, RetargetReport, RetargetVerdict, Retargeted, Sample, Samples, SceneFlow, SceneSpec, Score,
-    Sheet, ShownAnswer, StaticSample, StaticSet, Still, StillSpec, Stills, Tracks, Trained, TrainingLog, TwoTasks,
-    TwoTasksShown)  # fmt: skip
+    DetectedHands, DistanceField, Entity, FileRef, FileTree, FlowScore, Footage, FrameLabels, Frames, GraspCandidates,
+    GraspComparison, GraspEpisodes, GraspExam, GraspJudgement, GraspObject, GraspObjects, GraspScene, GraspTarget,
+    GraspTask, GraspTrace, HandCandidates, HandFingers, HandJoints, HandLandmarks, HandLessons, HandMesh, HandModel,
+    HandMotion, HandReference, HandRoom, HandTracks, Inpainted, InteractionClip, InteractionScores, InteractionSpec,
+    InteractionTruth, KeyFrame, MeshParts, MeshReport, MethodScores, Mode, MotionRemarks, Narration, NegativeAffordance,
+    NegativeAffordances, NegativeScore, NegativeScores, ObjectMesh, ObjectSpec, ObjectViews, PartCandidates,
+    PartDescription, PartDescriptions, PartLessons, PartNote, PartScores, PartedMesh, Picture, Polygon, PositiveAffordance,
+    PositiveAffordances, Prediction, ReadMesh, Recipe, ReferenceSet, RenderedClip, RenderedInteraction, Repair,
+    RetargetReport, RetargetVerdict, Retargeted, Sample, Samples, SceneFlow, SceneSpec, Score, Sheet, ShownAnswer,
+    StaticSample, StaticSet, Still, StillSpec, Stills, Tracks, Trained, TrainingLog, TwoTasks, TwoTasksShown,
+    VideoMotions)  # fmt: skip

@@ -1,10 +1,11 @@
-"""Hands of people in video: landmarks of single frames, the two hands over time, and the clip with its key frames."""
+"""Hands of people in video: landmarks of single frames, the two hands over time, key frames and hand motion."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from schemas.hand import HandMotion
 from schemas.spec import Schema, array, value
 from schemas.video import Clip
 
@@ -53,5 +54,26 @@ class HandTracks(Schema):
 class DetectedHands(Schema):
     """Output of hand_detect: the clip with key frames, and the two hands over time."""
 
-    clip: Clip = value("clip with the detected key frames")
+    clip: Clip = value("clip with the detected key frames; its warnings end with those of the detection")
     hands: HandTracks = value("two hands over time")
+
+    @property
+    def clip_id(self) -> str:
+        """Clip."""
+        return self.clip.clip_id
+
+
+@dataclass(frozen=True)
+class MotionRemarks(Schema):
+    """Parts of a clip from which no hand motion was taken, with reasons."""
+
+    clip_id: str = value("clip")
+    texts: tuple[str, ...] = value("one sentence each")
+
+
+@dataclass(frozen=True)
+class VideoMotions(Schema):
+    """Output of hand_motion: the motions of the hands of one clip."""
+
+    remarks: MotionRemarks = value("what was left out, and why")
+    motions: tuple[HandMotion, ...] = value("one for each uninterrupted run of a hand, left before right, in time order")

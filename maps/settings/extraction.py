@@ -12,6 +12,7 @@ from stages.extraction import (
     frame_decode,
     hand_detect,
     hand_inpaint,
+    hand_landmarks,
     hands_train,
     key_thin,
     mask_densify,
@@ -29,6 +30,7 @@ class Extraction:
 
     source_read: source_read.Params = source_read.Params()
     frame_decode: frame_decode.Params = frame_decode.Params()
+    hand_landmarks: hand_landmarks.Params = hand_landmarks.Params()
     hand_detect: hand_detect.Params = hand_detect.Params()
     mask_densify: mask_densify.Params = mask_densify.Params()
     hand_inpaint: hand_inpaint.Params = hand_inpaint.Params()

@@ -1,14 +1,15 @@
-"""Detect hands and touched objects in a clip without masks: adds key frames with outlines, sides and contact.
+"""Detect hands and touched objects in a clip without masks: adds key frames with outlines, sides and contact, and keypoints.
 
-Reads   Clip without key frames; Frames (t h w 3); files of the hand finder, written by hands_train, or a model of the user
-Writes  Clip with a key frame about every `every_s`: outlines of left hand, right hand and touched objects, contact
-Method  the backend computes probabilities of left hand, right hand, touched object and sleeve for frames `look_s` apart; optical
-        flow smooths them over time; a colour model of the certain hand pixels of the clip, and a guided filter, refine them.
-        Segments are linked over time; each track votes for one side with all its segments; short tracks are dropped, short gaps
-        filled. An object is a segment at a hand with a high probability, or one that moves with the hand, now or shortly before
-        or after; GrabCut draws its outline; short contacts are dropped
-Fails   when the files of the hand finder are missing, or are those of another model
-Paper   replaces the annotations of VISOR for video without masks; no paper
+Reads   Clip without key frames; Frames (t h w 3); HandLandmarks; files of a hand finder, written by hands_train, or a model of the
+        user
+Writes  DetectedHands: Clip with a key frame about every `every_s` (outlines of left hand, right hand and touched objects, contact),
+        and HandTracks: 21 keypoints of both hands over time, in the picture and in metres
+Method  landmarks of sampled frames are linked to tracks; a track is a hand when its presence, its colours and its size say so. Its
+        masks follow from the shape of the landmarks, a colour model of the hands of the clip, and optical flow. A hand finder, if
+        there is one, corrects these masks and adds hands without landmarks. Each track votes for one side by its arm, its place and
+        the handedness of its landmarks. An object is a segment at a hand that moves with it; GrabCut draws its outline
+Fails   when neither landmarks nor a hand finder are given, or the files of the finder are those of another model
+Paper   MediaPipe Hands (Zhang et al. 2020); replaces the annotations of VISOR for video without masks
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from dataclasses import dataclass
 
 from afford.extraction.hands import Detection, Sam3
 from schemas.files import FileTree
+from schemas.hands import DetectedHands, HandLandmarks
 from schemas.video import Clip, Frames
 
 LIBRARIES = ("numpy", "opencv-python-headless", "numba", "scipy", "torch", "safetensors")
@@ -29,6 +31,7 @@ GPU_SHARED = True
 TIMEOUT_S = 86400.0  # reports no progress: minutes for most clips, hours for a long one with a model on a CPU
 
 BACKENDS = {
+    "landmarks": "afford.extraction.hands.unaided:find",
     "network": "afford.extraction.hands.network:find",
     "sam3": "afford.extraction.hands.sam3:find",
 }
@@ -38,18 +41,23 @@ BACKENDS = {
 class Params(Detection):
     """Parameters of `hand_detect`."""
 
-    backend: str = "network"
-    """backend that finds hands in single pictures: network (the hand finder, trained by hands_train) or sam3"""
+    backend: str = "landmarks"
+    """finder of hands beside the landmarks: landmarks (none), network (trained by hands_train on rendered rooms) or sam3"""
     sam3: Sam3 = Sam3()
     """parameters of sam3"""
 
 
-def run(clip: Clip, frames: Frames, params: Params, weights: FileTree | None = None) -> Clip:
-    """Add the detected hands to a clip; ValueError when the hand finder cannot be used."""
+def run(
+    clip: Clip, frames: Frames, params: Params, landmarks: HandLandmarks | None = None, weights: FileTree | None = None
+) -> DetectedHands:
+    """Add the detected hands to a clip; ValueError when nothing can find hands, or the hand finder cannot be used."""
     from functools import partial
 
     from afford.common.registry import block, load
     from afford.extraction.hands.detect import detect
 
+    if landmarks is None and params.backend == "landmarks":
+        raise ValueError(f"{clip.clip_id}: hands are found by landmarks or by a hand finder, and there is neither; run "
+                         "`make setup` with a network, or choose --set hand_detect.backend=network")
     find = partial(load(BACKENDS, params.backend), params=block(params, params.backend), weights=weights)
-    return detect(clip, frames, find, params)
+    return detect(clip, frames, find, params, landmarks)

@@ -62,7 +62,7 @@ def run(folder: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pyt
 
 
 def looking(**more: object) -> Settings:
-    quick = replace(FINDER.extraction.hand_detect, look_s=0.034, every_s=0.2, **more)  # type: ignore[arg-type]  # fields of Params
+    quick = replace(FINDER.extraction.hand_detect, look_s=0.034, every_s=0.2, backend="network", **more)  # type: ignore[arg-type]  # fields of Params
     return FINDER.with_stages(hand_detect=quick)
 
 

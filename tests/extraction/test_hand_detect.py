@@ -31,6 +31,11 @@ def clip_of(frames: Frames, **more: Any) -> Clip:
     return replace(plain, **more)
 
 
+def detect_clip(clip: Clip, frames: Frames, find: Finder, params: Params) -> Clip:
+    """Detect without landmarks."""
+    return detect(clip, frames, find, params).clip
+
+
 def finder(frames: Frames, masks: Masks, noise: float = 0.0, blind: tuple[int, ...] = ()) -> Finder:
     """One that says the masks, blurred and noisy, of pictures that it knows; of those of `blind` frames it says nothing."""
     known = {picture.tobytes(): t for t, picture in enumerate(frames.rgb)}
@@ -65,7 +70,7 @@ def of(key: KeyFrame, side: str) -> list[Annotation]:
 def test_hands_are_found() -> None:
     """Key frames contain each hand with its side; the finder may be noisy, and fail for a moment."""
     clip, masks = made()
-    found = detect(clip_of(clip.frames), clip.frames, finder(clip.frames, masks, 0.2, (8, 9)), PARAMS)
+    found = detect_clip(clip_of(clip.frames), clip.frames, finder(clip.frames, masks, 0.2, (8, 9)), PARAMS)
     assert len(found.key_frames) >= 4
     for key in found.key_frames:
         truth = masks[RIGHT][key.frame - 1]
@@ -77,7 +82,7 @@ def test_hands_are_found() -> None:
 def test_a_hand_touches_what_it_holds() -> None:
     """A touch names an annotation of its frame that lies beside the hand; the thing keeps its name; hands stay free of it."""
     clip, masks = made()
-    found = detect(clip_of(clip.frames), clip.frames, finder(clip.frames, masks, 0.1), PARAMS)
+    found = detect_clip(clip_of(clip.frames), clip.frames, finder(clip.frames, masks, 0.1), PARAMS)
     touches = 0
     for key in found.key_frames:
         by_id = {a.annotation_id: a for a in key.annotations}
@@ -96,7 +101,7 @@ def test_a_sleeve_is_not_a_touched_object() -> None:
     """A segment with a high sleeve probability is no object, although it moves with the hand."""
     clip, masks = made()
     for said, touched in ((masks, True), ({**masks, SLEEVE: masks[TOUCHED]}, False)):
-        found = detect(clip_of(clip.frames), clip.frames, finder(clip.frames, said), PARAMS)
+        found = detect_clip(clip_of(clip.frames), clip.frames, finder(clip.frames, said), PARAMS)
         assert any(one.contact not in NOT_IN_CONTACT for key in found.key_frames for one in of(key, "right")) == touched
 
 
@@ -104,7 +109,7 @@ def test_the_only_touched_object_gets_the_noun_of_the_narration() -> None:
     """The object also gets the class of the noun."""
     clip, masks = made()
     said = replace(default_narration(1, COUNT), noun="card", noun_class=7)
-    found = detect(clip_of(clip.frames, narrations=(said,)), clip.frames, finder(clip.frames, masks), PARAMS)
+    found = detect_clip(clip_of(clip.frames, narrations=(said,)), clip.frames, finder(clip.frames, masks), PARAMS)
     assert {(a.name, a.class_id) for key in found.key_frames for a in key.annotations if not a.side} == {("card", 7)}
 
 
@@ -113,8 +118,8 @@ def test_a_mirror_swaps_the_sides() -> None:
     clip, masks = made()
     mirrored = replace(clip.frames, rgb=np.ascontiguousarray(clip.frames.rgb[:, :, ::-1]))
     other = {LEFT: masks[RIGHT][:, :, ::-1], TOUCHED: masks[TOUCHED][:, :, ::-1]}
-    one = detect(clip_of(clip.frames), clip.frames, finder(clip.frames, masks), PARAMS)
-    two = detect(clip_of(mirrored), mirrored, finder(mirrored, other), PARAMS)
+    one = detect_clip(clip_of(clip.frames), clip.frames, finder(clip.frames, masks), PARAMS)
+    two = detect_clip(clip_of(mirrored), mirrored, finder(mirrored, other), PARAMS)
     for a, b in zip(one.key_frames, two.key_frames, strict=True):
         assert [len(of(a, side)) for side in ("left", "right")] == [len(of(b, side)) for side in ("right", "left")]
         for left, right in zip(of(b, "left"), of(a, "right"), strict=True):
@@ -125,8 +130,8 @@ def test_pictures_of_a_facing_person_are_rotated() -> None:
     """The backend gets pictures rotated by 180 degrees, and its output is rotated back."""
     clip, masks = made()
     turned = replace(clip.frames, rgb=np.ascontiguousarray(clip.frames.rgb[:, ::-1, ::-1]))
-    plain = detect(clip_of(clip.frames), clip.frames, finder(clip.frames, masks), PARAMS)
-    facing = detect(clip_of(turned), turned, finder(clip.frames, masks), replace(PARAMS, viewpoint="facing"))
+    plain = detect_clip(clip_of(clip.frames), clip.frames, finder(clip.frames, masks), PARAMS)
+    facing = detect_clip(clip_of(turned), turned, finder(clip.frames, masks), replace(PARAMS, viewpoint="facing"))
     for a, b in zip(plain.key_frames, facing.key_frames, strict=True):
         for upright, upside_down in zip(of(a, "right"), of(b, "right"), strict=True):
             assert iou(drawn(a, upright), drawn(b, upside_down)[::-1, ::-1]) > 0.9
@@ -150,7 +155,7 @@ def pair(lean: Callable[[int], tuple[int, int]]) -> tuple[Frames, Masks]:
 def test_a_hand_has_one_side_all_its_life(lean: Callable[[int], tuple[int, int]]) -> None:
     """Single looks are outvoted, and two hands are never the same one."""
     frames, masks = pair(lean)
-    for key in detect(clip_of(frames), frames, finder(frames, masks), PARAMS).key_frames:
+    for key in detect_clip(clip_of(frames), frames, finder(frames, masks), PARAMS).key_frames:
         centres = [np.flatnonzero(drawn(key, of(key, side)[0]).any(0)).mean() for side in ("left", "right")]
         assert centres[0] < 80 < centres[1]
 
@@ -158,9 +163,9 @@ def test_a_hand_has_one_side_all_its_life(lean: Callable[[int], tuple[int, int]]
 def test_a_clip_without_hands_has_empty_key_frames() -> None:
     """A segment in a single sampled frame is no hand."""
     clip, masks = made()
-    nothing = detect(clip_of(clip.frames), clip.frames, finder(clip.frames, {}, 0.1), PARAMS)
+    nothing = detect_clip(clip_of(clip.frames), clip.frames, finder(clip.frames, {}, 0.1), PARAMS)
     others = tuple(t for t in range(COUNT) if t != 12)
-    blink = detect(clip_of(clip.frames), clip.frames, finder(clip.frames, masks, blind=others), PARAMS)
+    blink = detect_clip(clip_of(clip.frames), clip.frames, finder(clip.frames, masks, blind=others), PARAMS)
     for found in (nothing, blink):
         assert found.key_frames and not any(key.annotations for key in found.key_frames)
 
@@ -170,6 +175,6 @@ def test_frames_across_gaps_are_independent() -> None:
     clip, masks = made()
     few = slice(6, 20, 6)
     frames = Frames("toy", clip.frames.frame[few], clip.frames.time_ns[few], clip.frames.rgb[few])
-    found = detect(clip_of(frames), frames, finder(frames, {k: m[few] for k, m in masks.items()}), PARAMS)
+    found = detect_clip(clip_of(frames), frames, finder(frames, {k: m[few] for k, m in masks.items()}), PARAMS)
     assert [key.frame for key in found.key_frames] == frames.frame.tolist()
     assert all(len(of(key, "right")) == 1 for key in found.key_frames)

@@ -71,7 +71,7 @@ def test_stage_with_sam3(model: Path) -> None:
     """The model is an input of the stage, independent of its path."""
     frames = toy(7).frames
     chosen = Params(backend="sam3", batch=3, sam3=params(Path("elsewhere")))
-    found = hand_detect.run(clip_of(frames), frames, chosen, weight_files(str(model), digest))
+    found = hand_detect.run(clip_of(frames), frames, chosen, weights=weight_files(str(model), digest)).clip
     assert len(found.key_frames) >= 2
 
 

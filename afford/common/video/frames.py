@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import itertools
+from collections.abc import Callable, Iterable, Iterator
 from fractions import Fraction
 from pathlib import Path
 
@@ -179,9 +180,45 @@ def _from_video(files: FileTree, clip: Footage, box_wh: tuple[int, int]) -> Deco
 
 
 def _from_stills(files: FileTree, clip: Footage, box_wh: tuple[int, int]) -> Decoded:
-    number = np.array([parse_frame_number(name) for name in clip.media], np.int64)
-    time_ns = np.rint((number - 1) / clip.fps * 1e9).astype(np.int64)
+    number, time_ns = _stills(clip)
     return number, time_ns, read_stills(zip(clip.media, pictures(files, clip), strict=True), box_wh)
+
+
+def _stills(clip: Footage) -> tuple[np.ndarray, np.ndarray]:
+    """Frame numbers and media times (ns) of the images of a clip."""
+    number = np.array([parse_frame_number(name) for name in clip.media], np.int64)
+    return number, np.rint((number - 1) / clip.fps * 1e9).astype(np.int64)
+
+
+Choose = Callable[[np.ndarray, np.ndarray], np.ndarray]
+"""frame numbers (t,), media time (t,) in s -> ascending positions of the chosen frames"""
+
+
+def decode_chosen(files: FileTree, clip: Footage, box_wh: tuple[int, int], choose: Choose, chunk: int) -> Iterator[Decoded]:
+    """Decode chosen frames of a clip, `chunk` at a time, so that memory does not grow with the length of the clip.
+
+    Damaged and missing frames are left out. Raises SourceError for unreadable media.
+    """
+    if clip.media_kind == "video":
+        video, rate = _find(files, clip.media[0]), clip.fps if clip.resample else None
+        info = probe(video.path)
+        source = frames_at(info, rate, video.path.name)
+        number = np.arange(clip.first_frame, min(clip.last_frame, len(source)) + 1, dtype=np.int64)
+        time_s = (number - 1) / rate if rate else info.times_s[source[number - 1]]
+        chosen = choose(number, time_s)
+        for at in (chosen[i : i + chunk] for i in range(0, len(chosen), chunk)):
+            pts = info.pts[source[number[at] - 1]]
+            images = _images(video.path, info, pts, box_wh)
+            kept = [n for n, time in enumerate(pts.tolist()) if time in images]
+            yield (number[at][kept], np.rint(time_s[at][kept] * 1e9).astype(np.int64),
+                   np.array([images[int(pts[n])] for n in kept], np.uint8))  # fmt: skip
+    else:
+        number, time_ns = _stills(clip)
+        wanted = set(choose(number, time_ns / 1e9).tolist())
+        rows = (row for row in zip(itertools.count(), clip.media, pictures(files, clip)) if row[0] in wanted)
+        while part := list(itertools.islice(rows, chunk)):
+            at = [n for n, _, _ in part]
+            yield number[at], time_ns[at], read_stills([(name, data) for _, name, data in part], box_wh)
 
 
 def pictures(files: FileTree, clip: Footage | Clip) -> Iterator[bytes]:

@@ -33,17 +33,31 @@ class Detection:
     """smallest hand, as a share of the median size of the largest hand in this clip"""
     least_object: float = 0.001
     """smallest segment of an object, as a share of the picture area"""
+    least_evidence: float = 1.2
+    """least sum of the presence of a hand over the sampled frames of its track, from landmarks"""
+    least_presence: float = 0.6
+    """presence that a hand with landmarks must reach in one sampled frame"""
+    least_contrast: float = 0.8
+    """least mean log odds of the colours of a hand with landmarks against its surroundings"""
+    trust: float = 0.5
+    """weight of the hand finder where a hand has landmarks (log odds)"""
+    fov_deg: float = 60.0
+    """assumed angle of view across the longer side of the picture"""
+    hand_m: float = 0.19
+    """assumed length of a hand from the wrist to the tip of the middle finger"""
     least_part: float = 0.25
     """touching hands are split where each is at least this share of both"""
     memory: float = 0.5
     """weight of the probabilities of the previous sampled frame, warped by motion, against 1 for those of the frame itself"""
     colour: float = 0.6
     """weight of the hand colours of the clip, against 1 for the hand finder (log odds)"""
-    motion: float = 4.0
+    foreground: float = 5.0
+    """weight of being explained by neither earlier nor later frames, against 1 for the hand finder (log odds of an object)"""
+    motion: float = 3.0
     """weight of moving with the hand, against 1 for the hand finder (log odds of an object)"""
     sleeve: float = 8.0
     """weight of being a sleeve against being an object (log odds)"""
-    lasting: float = 0.8
+    lasting: float = 0.9
     """weight of the object odds of the previous sampled frame, warped by motion, against 1 for those of the frame itself"""
     edge_px: int = 4
     """radius of the guided filter that aligns outlines of hands with image edges"""
@@ -63,7 +77,7 @@ class Detection:
     """weight of the prior from the side of the picture at which an arm enters"""
     near: float = 0.08
     """largest distance between segments of one hand, as a share of the picture width"""
-    far: float = 0.25
+    far: float = 0.45
     """largest distance between a hand and an object that it moves, as a share of the picture width"""
     reach_px: int = 4
     """a hand dilated by this much touches the objects it overlaps"""
@@ -84,8 +98,8 @@ class Sam3(Pretrained):
 class Find(Protocol[Own]):
     """Interface of a backend of `hand_detect`. Time, colours of the clip and motion are applied after it."""
 
-    def __call__(self, rgb: np.ndarray, params: Own, weights: FileTree | None = None) -> np.ndarray:
-        """Compute probabilities (n, h, w, 4) float32 of left hand, right hand, touched object and sleeve.
+    def __call__(self, rgb: np.ndarray, params: Own, weights: FileTree | None = None) -> np.ndarray | None:
+        """Compute probabilities (n, h, w, 4) float32 of left hand, right hand, touched object and sleeve; None without a finder.
 
         rgb: pictures (n, h, w, 3) uint8. `params` are the parameters of the backend; `weights` are the files of the hand finder.
         """

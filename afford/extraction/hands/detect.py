@@ -9,87 +9,74 @@ from typing import Literal
 
 import numpy as np
 
-from afford.extraction.hands import LEFT, RIGHT, SLEEVE, TOUCHED, Detection
-from afford.extraction.hands.held_objects import NOTHING, ContactModel, HandMasks, contacts, held_objects
-from afford.extraction.hands.motion import SampledFrames, evenly_spaced, residual_speed, sample_frames
-from afford.extraction.hands.part_tracks import Track, link_segments
-from afford.extraction.hands.refine import guided_filter, refine_by_colour, smooth_over_time
-from afford.extraction.hands.sides import SidePrior, assign_sides, drop_small_tracks, hand_segments
+from afford.extraction.hands import SLEEVE, TOUCHED, Detection
+from afford.extraction.hands.fuse import find_hands
+from afford.extraction.hands.grip import HandKeypoints
+from afford.extraction.hands.held_objects import NOTHING, ContactModel, TouchedObjects, touched_objects
+from afford.extraction.hands.keypoints import hand_tracks
+from afford.extraction.hands.motion import SampledFrames, sample_frames
+from afford.extraction.hands.object_evidence import EvidenceModel, HandMasks
+from afford.extraction.hands.part_tracks import Track
+from afford.extraction.hands.refine import smooth_over_time
 from afford.extraction.sources.narrations import DEFAULT_TASK
 from afford.extraction.sources.outlines import trace
+from afford.extraction.tracks.key_frames import evenly_spaced
+from schemas.hands import DetectedHands, HandLandmarks, HandTracks
 from schemas.video import HAND_CLASS, NOT_IN_CONTACT, SIDES, Annotation, Clip, Frames, Hand, KeyFrame, Narration
 
-Finder = Callable[[np.ndarray], np.ndarray]
-"""a backend with its parameters and weights bound, see `Find`: pictures -> probabilities"""
+Finder = Callable[[np.ndarray], np.ndarray | None]
+"""a backend with its parameters and weights bound, see `Find`: pictures -> probabilities, or None"""
+
+NO_LANDMARKS = "hands were found by the hand finder alone: the landmark networks are not installed (`make setup` fetches them)"
 
 
-def detect(clip: Clip, frames: Frames, find: Finder, params: Detection) -> Clip:
-    """Return the clip with key frames about `every_s` apart."""
-    sampled = sample_frames(frames, params.look_s)
-    seen = smooth_over_time(_probabilities(sampled, find, params), sampled, params.memory)
-    hands = _hands(seen, sampled, params)
-    objects, touch = _objects_and_contacts(seen, sampled, hands, params)
+def detect(clip: Clip, frames: Frames, find: Finder, params: Detection, landmarks: HandLandmarks | None = None) -> DetectedHands:
+    """Detect the hands, and add key frames about `every_s` apart to the clip."""
+    sampled = sample_frames(frames, params.look_s, None if landmarks is None else landmarks.frame)
+    seen = _probabilities(sampled, find, params)
+    hands = find_hands(sampled, landmarks, seen, params)
+    tracks = hand_tracks(clip.clip_id, frames, sampled, hands, params)
+    found = _touched(seen, sampled, hands.masks, tracks, params)
     keys = _key_samples(sampled, params.every_s)
-    object_names = name_objects(objects, touch, clip.narrations, frames.frame[sampled.at])
-    return replace(clip, key_frames=tuple(
-        _key_frame(int(frames.frame[sampled.at[k]]), sampled, k, hands, objects, touch, object_names) for k in keys))
+    object_names = name_objects(found.objects, found.contact, clip.narrations, frames.frame[sampled.at])
+    remarks = (*(() if landmarks is not None else (NO_LANDMARKS,)), *found.reasons)
+    key_frames = tuple(_key_frame(int(frames.frame[sampled.at[k]]), sampled, k, hands.masks, found.objects, found.contact,
+                                  object_names) for k in keys)  # fmt: skip
+    named = replace(clip, warnings=(*clip.warnings, *remarks), key_frames=key_frames)
+    return DetectedHands(named, replace(tracks, finger_contact=np.stack([found.fingers[side] for side in SIDES])))
 
 
-def _objects_and_contacts(
-    seen: np.ndarray, sampled: SampledFrames, hands: HandMasks, params: Detection
-) -> tuple[list[Track], dict[Hand, np.ndarray]]:
-    """Find the touched objects, and for each side the object touched in each sampled frame."""
-    width, least_px = sampled.rgb.shape[2], params.least_object * _area(sampled)
-    model = ContactModel(params.reach_px, params.far * width, least_px, params.motion, params.sleeve, params.lasting)
-    parts = held_objects(seen[..., TOUCHED], seen[..., SLEEVE], sampled, hands, model)
-    found = link_segments(parts, sampled, params.link_min_iou, params.rest_looks, rests=True)
-    least = _min_times_seen(sampled, params.least_looks)
-    objects = [track for track in found if track.times_seen >= least[min(track.segments)]]
-    touch = contacts(objects, hands, len(sampled.at), params.reach_px, params.least_looks)
-    return objects, touch
+def _touched(
+    seen: np.ndarray | None, sampled: SampledFrames, hands: HandMasks, tracks: HandTracks, params: Detection
+) -> TouchedObjects:
+    """Find the touched objects; `seen` are the probabilities of the hand finder, if there is one."""
+    width, facing = sampled.rgb.shape[2], params.viewpoint == "facing"
+    evidence = EvidenceModel(params.foreground, params.motion, params.sleeve, params.lasting, params.far * width, facing)
+    least_px = params.least_object * _area(sampled)
+    model = ContactModel(params.reach_px, least_px, params.link_min_iou, params.rest_looks, params.least_looks)
+    keypoints = {side: HandKeypoints(tracks.keypoints_px[n], tracks.confidence[n]) for n, side in enumerate(SIDES)}
+    finder = () if seen is None else (seen[..., TOUCHED], seen[..., SLEEVE])
+    return touched_objects(sampled, hands, keypoints, evidence, model, *finder)
 
 
 def _area(sampled: SampledFrames) -> int:
     return sampled.rgb.shape[1] * sampled.rgb.shape[2]
 
 
-def _probabilities(sampled: SampledFrames, find: Finder, params: Detection) -> np.ndarray:
-    """Run the backend on every sampled frame, (k, h, w, 4) float16.
+def _probabilities(sampled: SampledFrames, find: Finder, params: Detection) -> np.ndarray | None:
+    """Run the backend on every sampled frame, and smooth over time, (k, h, w, 4) float16; None without a finder.
 
     Pictures of a person seen from the front are rotated by 180 degrees, so that arms enter from below, the left one on the left.
     """
     turn = slice(None, None, -1 if params.viewpoint == "facing" else 1)
     rgb, batch = sampled.rgb[:, turn, turn], params.batch
-    batches = [np.ascontiguousarray(rgb[at : at + batch]) for at in range(0, len(rgb), batch)]
-    parts = [find(pictures).astype(np.float16) for pictures in batches]
-    return np.concatenate(parts)[:, turn, turn]
-
-
-def _hands(seen: np.ndarray, sampled: SampledFrames, params: Detection) -> HandMasks:
-    """Find the hand masks, by side and sampled frame."""
-    left, right = (seen[..., side] * (1 - seen[..., SLEEVE]) for side in (LEFT, RIGHT))
-    prior = SidePrior(params.viewpoint == "facing", params.order, params.entry)
-    likely = refine_by_colour(np.minimum(left + right, 1), sampled.rgb, params.colour)
-    least_px, parted = params.least_hand * _area(sampled), params.least_part
-    found = [
-        hand_segments(guided_filter(likely[k], sampled.rgb[k], params.edge_px), left[k].astype(np.float32),
-                      right[k].astype(np.float32), residual_speed(sampled, k), least_px, parted, prior)
-        for k in range(len(sampled.at))
-    ]  # fmt: skip
-    tracks = link_segments(found, sampled, params.link_min_iou, params.gap_looks, leap_px=params.leap * sampled.rgb.shape[2])
-    real = drop_small_tracks(tracks, _min_times_seen(sampled, params.least_looks), params.least_like)
-    chosen = assign_sides(real, prior, params.near * sampled.rgb.shape[2])
-    return {side: _union(chosen[side]) for side in SIDES}
-
-
-def _min_times_seen(sampled: SampledFrames, count: int) -> dict[int, int]:
-    """Least number of detections of a track by its first sampled frame: `count`, or the length of a shorter run."""
-    return {k: min(count, len(run)) for run in sampled.runs for k in run}
-
-
-def _union(tracks: Sequence[Track]) -> dict[int, np.ndarray]:
-    sampled = sorted({k for track in tracks for k in track.segments})
-    return {k: np.any([track.segments[k].mask for track in tracks if k in track.segments], axis=0) for k in sampled}
+    parts = list[np.ndarray]()
+    for at in range(0, len(rgb), batch):
+        found = find(np.ascontiguousarray(rgb[at : at + batch]))
+        if found is None:
+            return None
+        parts.append(found.astype(np.float16))
+    return smooth_over_time(np.concatenate(parts)[:, turn, turn], sampled, params.memory)
 
 
 def _key_samples(sampled: SampledFrames, every_s: float) -> list[int]:

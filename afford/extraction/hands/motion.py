@@ -10,6 +10,7 @@ import numpy as np
 
 from afford.common.masks import dilate, fill_nearest
 from afford.common.optical_flow import flow_between, identity_map
+from afford.extraction.tracks.key_frames import evenly_spaced
 from afford.extraction.tracks.key_frames import runs as split_runs
 from schemas.video import Frames
 
@@ -41,21 +42,19 @@ class SampledFrames:
         return None if flow is None else _warp(image, flow)
 
 
-def sample_frames(frames: Frames, every_s: float) -> SampledFrames:
-    """Sample frames about `every_s` apart, including the first and the last of every run."""
-    chosen = [evenly_spaced(frames.time_ns[part] / 1e9, every_s) + part.start for part in split_runs(frames.frame, 1)]
+def sample_frames(frames: Frames, every_s: float, numbers: np.ndarray | None = None) -> SampledFrames:
+    """Sample frames about `every_s` apart, including the first and the last of every run, or the frames of these `numbers`."""
+    parts = split_runs(frames.frame, 1)
+    if numbers is None:
+        chosen = [evenly_spaced(frames.time_ns[part] / 1e9, every_s) + part.start for part in parts]
+    else:
+        there = np.flatnonzero(np.isin(frames.frame, numbers))
+        chosen = [part for part in (there[(there >= one.start) & (there < one.stop)] for one in parts) if len(part)]
     at = np.concatenate(chosen)
     grey = [cv2.cvtColor(_half(rgb), cv2.COLOR_RGB2GRAY) for rgb in frames.rgb[at]]
     starts = set(np.cumsum([0, *map(len, chosen)]).tolist())
     back, forth = list(_flows(grey, starts, -1)), list(_flows(grey, starts, 1))
     return SampledFrames(at, frames.rgb[at], frames.time_ns[at] / 1e9, back, forth)
-
-
-def evenly_spaced(time_s: np.ndarray, every_s: float) -> np.ndarray:
-    """Choose positions in ascending times (n,) that are about `every_s` apart, including the first and the last."""
-    count = max(round((time_s[-1] - time_s[0]) / every_s), 1) + 1
-    wanted = np.linspace(time_s[0], time_s[-1], count)
-    return np.unique(np.abs(time_s[:, None] - wanted).argmin(0))
 
 
 def _half(rgb: np.ndarray) -> np.ndarray:
@@ -145,10 +144,15 @@ def camera_flow(flow: np.ndarray, free: np.ndarray) -> np.ndarray:
     return (terms @ fit).astype(np.float32)
 
 
-def propagate_odds(odds: Sequence[np.ndarray], sampled: SampledFrames, weight: float) -> list[np.ndarray]:
-    """Propagate log odds (h, w) over time by motion, forwards and backwards; the larger of both counts.
+SAME_COLOUR = 60.0
+"""mean difference of colours (sum over the channels) at which odds of the previous sampled frame are half propagated"""
 
-    So an object that was moved, or will be, stays an object while it rests. weight: of the odds of the previous sampled frame.
+
+def propagate_odds(odds: Sequence[np.ndarray], sampled: SampledFrames, weight: float) -> list[np.ndarray]:
+    """Propagate log odds (h, w) over time by motion, forwards and backwards, where colours agree; the larger of both counts.
+
+    So an object that was moved, or will be, stays an object while it rests, and the place that it leaves becomes background.
+    weight: of the odds of the previous sampled frame.
     """
     directions = [_propagate_direction(odds, sampled, weight, step) for step in (1, -1)]
     return [np.maximum(before, after) for before, after in zip(*directions, strict=True)]
@@ -159,5 +163,13 @@ def _propagate_direction(odds: Sequence[np.ndarray], sampled: SampledFrames, wei
     for k in range(len(odds))[::step]:
         before = sampled.warp(out[k - step], k, step) if 0 <= k - step < len(odds) else None
         if before is not None:
-            out[k] = np.clip(odds[k] + weight * before, -MAX_ODDS, MAX_ODDS)
+            out[k] = np.clip(odds[k] + weight * before * same_colour(sampled, k, step), -MAX_ODDS, MAX_ODDS)
     return out
+
+
+def same_colour(sampled: SampledFrames, k: int, step: int) -> np.ndarray:
+    """Score (h, w) float32 from 0 to 1 the agreement of colours of sampled frame k with frame k - step, warped by motion."""
+    warped = [sampled.warp(sampled.rgb[k - step, ..., c].astype(np.float32), k, step) for c in range(3)]
+    apart = cv2.blur(sum(np.abs(one - sampled.rgb[k, ..., c]) for c, one in enumerate(warped)), (5, 5))
+    agreement: np.ndarray = 1 / (1 + (apart / SAME_COLOUR) ** 4)
+    return agreement

@@ -44,7 +44,7 @@ def refine_by_colour(hand: np.ndarray, rgb: np.ndarray, weight: float, rounds: i
 
     weight: of the colour model, against 1 for the hand finder, in log odds.
     """
-    bins = np.stack([_bins(picture) for picture in rgb])
+    bins = np.stack([colour_bins(picture) for picture in rgb])
     found = hand
     for _ in range(rounds):
         odds = _colour_odds(bins, found)
@@ -54,9 +54,9 @@ def refine_by_colour(hand: np.ndarray, rgb: np.ndarray, weight: float, rounds: i
     return found
 
 
-def _bins(rgb: np.ndarray) -> np.ndarray:
+def colour_bins(rgb: np.ndarray, blur_px: float = 1.0) -> np.ndarray:
     """Colour bin (h, w) uint16 of every pixel."""
-    lab = cv2.cvtColor(cv2.GaussianBlur(rgb, (0, 0), 1), cv2.COLOR_RGB2LAB).astype(np.uint16)
+    lab = cv2.cvtColor(cv2.GaussianBlur(rgb, (0, 0), blur_px), cv2.COLOR_RGB2LAB).astype(np.uint16)
     light, a, b = (lab[..., i] * n >> 8 for i, n in enumerate(BINS_LAB))
     return (light * BINS_LAB[1] + a) * BINS_LAB[2] + b
 
@@ -66,17 +66,19 @@ def _colour_odds(bins: np.ndarray, hand: np.ndarray) -> np.ndarray | None:
     sure, out = hand > SURE, hand < RULED_OUT
     if min(sure.mean(), out.mean()) < LEAST_SHARE:
         return None
-    inside, outside = (_density(bins[chosen]) for chosen in (sure, out))
+    counted = (np.bincount(bins[chosen].ravel(), minlength=int(np.prod(BINS_LAB))) for chosen in (sure, out))
+    inside, outside = (histogram_density(counts) for counts in counted)
     floor = 0.02 / inside.size
     return np.clip(np.log(inside + floor) - np.log(outside + floor), -MAX_COLOUR_ODDS, MAX_COLOUR_ODDS).astype(np.float32)
 
 
-def _density(bins: np.ndarray) -> np.ndarray:
-    """Histogram over colour bins, slightly smoothed, that sums to 1."""
-    counts = np.bincount(bins.ravel(), minlength=int(np.prod(BINS_LAB))).astype(np.float32).reshape(BINS_LAB)
+def histogram_density(counts: np.ndarray) -> np.ndarray:
+    """Density over colour bins, slightly smoothed, that sums to about 1, from the count (n,) of every bin."""
+    counts = counts.astype(np.float32).reshape(BINS_LAB)
+    total = max(float(counts.sum()), 1e-6)
     counts = np.stack([cv2.GaussianBlur(plane, (0, 0), 1.0, borderType=cv2.BORDER_CONSTANT) for plane in counts])
     light = np.pad(counts, ((1, 1), (0, 0), (0, 0)))
-    return ((light[:-2] + 2 * light[1:-1] + light[2:]) / (4 * max(counts.sum(), 1))).ravel()
+    return np.asarray(((light[:-2] + 2 * light[1:-1] + light[2:]) / (4 * total)).ravel())
 
 
 def _combine_odds(p: np.ndarray, odds: np.ndarray, weight: float) -> np.ndarray:
@@ -103,10 +105,8 @@ def components(mask: np.ndarray, least_px: float, least_wide_px: int = 3) -> Seq
 
 PROBABLE, CERTAIN, EXCLUDED = 2.0, 4.0, -1.0
 """log odds above which pixels are probable or certain foreground, and below which they are certain background"""
-SHRINK = 2
-"""downscaling factor of GrabCut"""
-MARGIN_PX, LEAST_PX = 12, 20
-"""margin around the possible foreground, and least area of it, in downscaled pixels"""
+MARGIN_PX, LEAST_PX = 24, 30
+"""margin around the possible foreground, and least area of it"""
 
 
 def segment_grabcut(odds: np.ndarray, rgb: np.ndarray, never: np.ndarray) -> np.ndarray:
@@ -114,29 +114,27 @@ def segment_grabcut(odds: np.ndarray, rgb: np.ndarray, never: np.ndarray) -> np.
 
     odds: (h, w) float32, log odds of the object; rgb: (h, w, 3) uint8.
     """
-    height, width = odds.shape
-    size = max(width // SHRINK, 1), max(height // SHRINK, 1)
-    label = _labels(*(cv2.resize(image, size, interpolation=mode) for image, mode in (
-        (odds, cv2.INTER_AREA), (never.astype(np.uint8), cv2.INTER_NEAREST))))  # fmt: skip
-    out = np.zeros(label.shape, np.float32)
+    label = _labels(odds, never)
+    out = np.zeros(odds.shape, bool)
     if LEAST_PX <= (label & cv2.GC_FGD).sum() < label.size:
         y, x = np.nonzero(label & cv2.GC_FGD)
         box = tuple(slice(max(at.min() - MARGIN_PX, 0), at.max() + MARGIN_PX) for at in (y, x))
-        small = cv2.resize(rgb, size, interpolation=cv2.INTER_AREA)
-        out[box] = _cut(np.ascontiguousarray(small[box]), np.ascontiguousarray(label[box]))
-    return (cv2.resize(out, (width, height)) > 0.5) & ~never
+        out[box] = _cut(np.ascontiguousarray(rgb[box]), np.ascontiguousarray(label[box]))
+    return out & ~never
 
 
 def _labels(odds: np.ndarray, never: np.ndarray) -> np.ndarray:
     label = np.full(odds.shape, cv2.GC_PR_BGD, np.uint8)
     label[odds > PROBABLE] = cv2.GC_PR_FGD
     label[odds > CERTAIN] = cv2.GC_FGD
-    label[(odds < EXCLUDED) | (never > 0)] = cv2.GC_BGD
+    label[(odds < EXCLUDED) | never] = cv2.GC_BGD
     return label
 
 
 def _cut(rgb: np.ndarray, label: np.ndarray) -> np.ndarray:
     """Run GrabCut, (h, w) bool. OpenCV's random generator gets a fixed seed, because GrabCut initialises its mixtures from it."""
+    if (label & cv2.GC_FGD).all():
+        return np.ones(label.shape, bool)
     cv2.setRNGSeed(0)
     cv2.grabCut(rgb, label, None, np.zeros((1, 65)), np.zeros((1, 65)), 1, cv2.GC_INIT_WITH_MASK)
     return (label & cv2.GC_FGD) > 0

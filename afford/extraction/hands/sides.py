@@ -10,6 +10,7 @@ import numpy as np
 
 from afford.extraction.hands.part_tracks import Segment, Track
 from afford.extraction.hands.refine import components
+from afford.extraction.landmarks.geometry import WRIST, arm_direction
 from schemas.video import SIDES, Hand
 
 BLUR_PX = 6.0
@@ -18,6 +19,11 @@ SURE = 0.3
 """least absolute side score of a certain side"""
 RESTING, PACE_PX = 0.05, 1.0
 """weight of a resting pixel as evidence for a hand, against 1 for a pixel of at least this speed (px of half the size)"""
+
+ARM, EGO_HAND, FACING_HAND = 0.6, 0.2, 0.4
+"""weights of the direction of the arm, and of the landmark model's handedness, which errs more often for head cameras"""
+LEAST_DOWN = 0.2
+"""least component of the forearm towards the person's side of the picture"""
 
 
 @dataclass(frozen=True)
@@ -43,6 +49,25 @@ class SidePrior:
         across = [np.flatnonzero(near), np.zeros(mask[:, 0].sum()), np.full(mask[:, -1].sum(), width - 1)]
         x = np.concatenate(across) if sum(map(len, across)) else np.flatnonzero(far)
         return float(self.sign * np.clip(2 - 4 * x.mean() / (width - 1), -1, 1)) if len(x) else 0.0
+
+
+    def arm_enters(self, points_px: np.ndarray, width_px: int, height_px: int) -> float:
+        """Score the position at which the forearm of a hand with keypoints (21, 2) would enter the picture: -1 right, 1 left.
+
+        0 where the forearm points away from the person's side of the picture: the hand reaches back, or is not the person's.
+        """
+        wrist, along = points_px[WRIST], arm_direction(points_px)
+        down = -1 if self.facing else 1
+        if along[1] * down < LEAST_DOWN:
+            return float(-self.sign * np.sign(along[0])) if abs(along[0]) > 1 - LEAST_DOWN else 0.0
+        border = 0 if self.facing else height_px - 1
+        x = wrist[0] + along[0] / along[1] * (border - wrist[1])
+        return float(self.sign * np.clip(1 - 2 * x / (width_px - 1), -1, 1))
+
+    def landmark_score(self, points_px: np.ndarray, right: float, width_px: int, height_px: int) -> float:
+        """Score the side of a hand from its landmarks, -1 right to 1 left; `right`: probability of the landmark model."""
+        arm = self.arm_enters(points_px, width_px, height_px)
+        return float(np.clip(ARM * arm + (FACING_HAND if self.facing else EGO_HAND) * (1 - 2 * right), -1, 1))
 
 
 def hand_segments(p: np.ndarray, left: np.ndarray, right: np.ndarray, speed_px: np.ndarray, least_px: float, least_part: float,

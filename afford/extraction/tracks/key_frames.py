@@ -50,6 +50,13 @@ def runs(frame: np.ndarray, max_step: int) -> list[slice]:
     return [slice(a, b) for a, b in pairwise(cuts)]
 
 
+def evenly_spaced(time_s: np.ndarray, every_s: float) -> np.ndarray:
+    """Choose positions in ascending times (n,) that are about `every_s` apart, including the first and the last."""
+    count = max(round((time_s[-1] - time_s[0]) / every_s), 1) + 1
+    wanted = np.linspace(time_s[0], time_s[-1], count)
+    return np.unique(np.abs(time_s[:, None] - wanted).argmin(0))
+
+
 PropagateMasks = Callable[[Key, Key, np.ndarray], np.ndarray]
 """function of (key, next key, masks (m, h, w) bool in the first) that returns the same masks (m, h, w) bool in the second"""
 
