@@ -36,6 +36,8 @@ AGREE = 0.25
 SHRINK, GROW = 0.25, 2.5
 """range of the area of a followed hand, relative to that with landmarks"""
 LEAST_PX = 60
+BESIDE = 0.5
+"""distance from a hand within which other certain components belong to it, as the forearm behind a watch, in sizes of the hand"""
 ROUNDS = 2
 
 
@@ -228,9 +230,12 @@ def _clean(mask: np.ndarray, p: np.ndarray, found: HandPoints | None) -> np.ndar
     else:
         core = draw_hand(mask.shape, found.points_px, CORE)
         on_bones = np.bincount(label[core], minlength=count)
-        if on_bones[1:].sum() < 0.25 * core.sum():
+        on_bones[0] = 0
+        if on_bones.sum() < 0.25 * core.sum():
             return None
-        kept = [i for i in range(1, count) if on_bones[i] > 0.1 * on_bones[1:].sum()
-                or (areas[i] > 80 and p[label == i].mean() > 0.75)]  # fmt: skip
+        kept = np.flatnonzero(on_bones > 0.1 * on_bones.sum()).tolist()
+        near = distance_from(np.isin(label, kept)) < BESIDE * hand_size(found.points_px)
+        kept += [i for i in range(1, count) if i not in kept and areas[i] > LEAST_PX and p[label == i].mean() > 0.75
+                 and near[label == i].any()]  # fmt: skip
     out = np.isin(label, kept)
     return out if out.sum() >= LEAST_PX else None
