@@ -87,8 +87,8 @@ def _found_alone(
         p = guided_filter(likely[k], sampled.rgb[k], params.edge_px)
         if taken:
             p = np.where(dilate(np.any(taken, axis=0), FOUND_NEAR_PX), 0, p)
-        sides = (side[k].astype(np.float32) for side in (left, right))
-        found.append(hand_segments(p, *sides, residual_speed(sampled, k), least_px, params.least_part, prior))
+        found.append(hand_segments(p, left[k].astype(np.float32), right[k].astype(np.float32), residual_speed(sampled, k), least_px,
+                                   params.least_part, prior))  # fmt: skip
     leap_px = params.leap * sampled.rgb.shape[2]
     tracks = link_segments(found, sampled, params.link_min_iou, params.gap_looks, leap_px=leap_px)
     return drop_small_tracks(tracks, min_times_seen(sampled, params.least_looks), params.least_like)
