@@ -50,12 +50,17 @@ def find_hands(sampled: SampledFrames, landmarks: HandLandmarks | None, seen: np
 def _with_landmarks(
     sampled: SampledFrames, landmarks: HandLandmarks, seen: np.ndarray | None, params: Detection
 ) -> list[MaskedTrack]:
+    """Segment the hands with landmarks: in each sampled frame at most two, those with most evidence over time."""
     tracks = landmark_tracks(landmarks, sampled.rgb.shape[2], sampled.runs, params.least_evidence, params.least_presence)
     if tracks:
         size = max(tracks, key=lambda track: track.evidence * track.size_px).size_px
         tracks = [track for track in tracks if track.size_px >= LEAST_LIKE * size]
     extra = None if seen is None else _finder_odds(seen, params.trust)
-    return hand_masks(tracks, sampled, extra, params.least_contrast)
+    masked = hand_masks(tracks, sampled, extra, params.least_contrast)
+    for k in range(len(sampled.at)):
+        for one in [one for one in masked if k in one.masks][len(SIDES) :]:
+            del one.masks[k]
+    return [one for one in masked if one.masks]
 
 
 def _finder_odds(seen: np.ndarray, trust: float) -> np.ndarray:
