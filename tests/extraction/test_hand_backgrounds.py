@@ -52,7 +52,7 @@ def test_photographs_are_read_and_reduced(tmp_path: Path) -> None:
 
 
 def test_a_folder_without_photographs_is_refused(tmp_path: Path) -> None:
-    """So is a damaged photograph, which the error names."""
+    """The error names the folder, or the damaged photograph."""
     with pytest.raises(ValueError, match="expected a folder of photographs without hands"):
         read_photographs(photograph_files(tmp_path, lambda path: path.name))
     (tmp_path / "torn.jpg").write_bytes(b"no picture")

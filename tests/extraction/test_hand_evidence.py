@@ -59,7 +59,7 @@ def test_features_of_a_block_at_the_border() -> None:
 
 
 def test_a_region_that_fills_the_picture_has_finite_features() -> None:
-    """Without an outside there is no contrast and no edge."""
+    """Contrast and edge are zero where there is no outside."""
     whole = np.full(SIZE, 0.9, np.float32)
     found = measure(np.ones(SIZE, bool), whole, np.zeros((*SIZE, 3), np.float32))
     assert found.contrast == 0 and found.edge == 0 and found.border == 1

@@ -30,8 +30,8 @@ class HandFinderConfig:
     """channels of the decoder at strides 2, 4, 8, 16 and 32; the plain encoder has the same"""
 
 
-LAST = 24
-"""least channels of the last layer of the decoder"""
+LAST, COORDINATES = 24, 2
+"""least channels of the last layer of the decoder; coordinates of a pixel, which enter its first layer"""
 
 
 class HandFinder(nn.Module):
@@ -45,11 +45,10 @@ class HandFinder(nn.Module):
         widths = config.widths[: len(given)]
         self.reduce = nn.ModuleList(_reduction(a, b) for a, b in zip(given, widths, strict=True))
         self.whole = nn.Linear(widths[-1], widths[-1])
-        after = (*widths[-2:0:-1], max(widths[0], LAST))
-        more = (2, *(0 for _ in after[1:]))
-        self.up = nn.ModuleList(
-            _layer(a + b + c, d) for a, b, c, d in zip((widths[-1], *after), widths[-2::-1], more, after, strict=False))  # fmt: skip
-        self.head = nn.Conv2d(after[-1], 4, 1)
+        outer = (*widths[-2:0:-1], max(widths[0], LAST))
+        inputs = zip((widths[-1], *outer), widths[-2::-1], (COORDINATES, *(0 for _ in outer)), strict=False)
+        self.up = nn.ModuleList(_layer(sum(maps), after) for maps, after in zip(inputs, outer, strict=False))
+        self.head = nn.Conv2d(outer[-1], 4, 1)
 
     def forward(self, pictures: Tensor) -> Tensor:
         """Compute logits at half the size, and resize them to that of the pictures."""

@@ -140,7 +140,8 @@ def normalise_exposure(picture: np.ndarray) -> np.ndarray:
 
 @lru_cache(maxsize=1)
 def _cached_network(where: Path | FileTree, _stamp: Any) -> tuple[HandFinder, Calibration]:
-    return read_network(where).eval().to(memory_format=torch.channels_last), read_calibration(where)
+    model = read_network(where).eval().to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # as in init_model
+    return model, read_calibration(where)
 
 
 def find(rgb: np.ndarray, params: None, weights: FileTree | None = None) -> np.ndarray:

@@ -49,7 +49,7 @@ def init_model(config: HandFinderConfig, seed: int, palm: Path | None = None) ->
 
 
 def make_task(
-    model: nn.Module, lessons: Sequence[HandLessons], seed: int, batch: int, size: tuple[int, int], judged: int,
+    model: HandFinder, lessons: Sequence[HandLessons], seed: int, batch: int, size: tuple[int, int], judged: int,
     photographs: Sequence[np.ndarray] = (), augmentation: Augmentation = USUAL,
 ) -> FinderTask:  # fmt: skip
     """Build the training task; `photographs`, each (h, w, 3) uint8, show no hands and become backgrounds of training pictures.
