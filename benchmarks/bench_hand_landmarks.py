@@ -1,4 +1,4 @@
-"""Compare hand landmarks in cv2.dnn with MediaPipe itself on real video; writes benchmarks/hand_landmarks.md.
+"""Compare hand landmarks in torch with MediaPipe itself on real video; writes benchmarks/hand_landmarks.md.
 
     PYTHONPATH=. python benchmarks/bench_hand_landmarks.py [--data ../shared/data]
 
@@ -12,16 +12,19 @@ import argparse
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
 import cv2
 import numpy as np
+import torch
 
 from afford.extraction.landmarks.files import FOLDER, HAND, PALM
 from afford.extraction.landmarks.landmarks import HandLandmarker, Landmarks
 from afford.extraction.landmarks.palm import PalmDetector
+from afford.extraction.landmarks.tflite import TfliteNetwork
 from afford.extraction.landmarks.tracking import HandTracker
 from tests.helpers.mediapipe_library import Answer, library_python, reference
 
@@ -113,25 +116,33 @@ def page(rows: list[Row], parts: str) -> str:
                       f"{row.metric_mm.mean():.2f}", f"{row.handedness.mean():.2f}", f"{row.library_ms:.0f}", f"{row.ours_ms:.0f}"))
     text = ("`afford.extraction.landmarks` compared with `mediapipe==0.10.21` (`solutions.hands`, model_complexity 1, two hands, "
             f"thresholds .5) on the same pictures of 1280 x 720; of videos the first {VIDEO_FRAMES} frames. px: distance between "
-            "corresponding landmarks of hands that both found. One core; CPU milliseconds of everything, a picture. "
+            "corresponding landmarks of hands that both found. In a video each frame starts from the landmarks of the one before, "
+            "which amplifies differences in the last digits. One core; CPU milliseconds of everything, a picture. "
             "Written by `benchmarks/bench_hand_landmarks.py`.")
     return "\n".join(["# Hand landmarks", "", text, "", *("| " + " | ".join(line) + " |" for line in lines), "", parts]) + "\n"
 
 
-def costs(detector: PalmDetector, landmarker: HandLandmarker, picture: np.ndarray) -> str:
-    """CPU milliseconds of the parts."""
-    palm = detector.detect(picture, 0.0)[0]
-    steps = {"palm detection, one window": lambda: detector.detect(picture),
-             "landmarks, one hand": lambda: landmarker.landmarks(picture, palm.region())}  # fmt: skip
-    lines = [("step", "CPU ms"), ("---", "--:")]
-    for name, step in steps.items():
-        taken = []
-        for _ in range(15):
-            started = time.process_time()
-            step()
-            taken.append(1000 * (time.process_time() - started))
-        lines.append((name, f"{np.median(taken):.0f}"))
+def costs(networks: Path, picture: np.ndarray) -> str:
+    """CPU milliseconds of both networks in torch, and in cv2.dnn."""
+    lines = [("network, one picture", "CPU ms in torch", "CPU ms in cv2.dnn"), ("---", "--:", "--:")]
+    for name, side in ((PALM, 192), (HAND, 224)):
+        ours = TfliteNetwork(networks / name)
+        theirs = cv2.dnn.readNetFromTFLite(str(networks / name), engine=cv2.dnn.ENGINE_CLASSIC)
+        small = cv2.resize(picture, (side, side), interpolation=cv2.INTER_AREA)
+        theirs.setInput(cv2.dnn.blobFromImage(small, 1 / 255))
+        outputs = theirs.getUnconnectedOutLayersNames()
+        taken = _median_ms(partial(ours, small[None])), _median_ms(partial(theirs.forward, outputs))
+        lines.append((f"`{name}`", *(f"{ms:.0f}" for ms in taken)))
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def _median_ms(run: Callable[[], object]) -> float:
+    taken = []
+    for _ in range(25):
+        started = time.process_time()
+        run()
+        taken.append(1000 * (time.process_time() - started))
+    return float(np.median(taken))
 
 
 def main() -> None:
@@ -140,10 +151,10 @@ def main() -> None:
     parser.add_argument("--data", type=Path, default=ROOT.parent / "shared" / "data")
     args = parser.parse_args()
     cv2.setNumThreads(1)
+    torch.set_num_threads(1)
     cv2.ipp.setUseIPP(False)
     networks = Path(sys.prefix) / FOLDER
-    detector, landmarker = PalmDetector(networks / PALM), HandLandmarker(networks / HAND)
-    tracker, rows, picture = HandTracker(detector, landmarker), [], None
+    tracker, rows, picture = HandTracker(PalmDetector(networks / PALM), HandLandmarker(networks / HAND)), [], None
     with tempfile.TemporaryDirectory() as folder:
         python = library_python(Path(folder))
         if python is None:
@@ -155,7 +166,7 @@ def main() -> None:
             print(page(rows, ""))
     if picture is None:
         raise SystemExit(f"{args.data}: no clips; name the folder of tabletop/ and epic_P03_101/ with --data")
-    PAGE.write_text(page(rows, costs(detector, landmarker, picture)))
+    PAGE.write_text(page(rows, costs(networks, picture)))
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ from schemas.files import FileTree
 from schemas.hands import HandLandmarks
 from schemas.video import Footage
 
-LIBRARIES = ("numpy", "opencv-python-headless", "av", "pillow", "scipy")
+LIBRARIES = ("numpy", "opencv-python-headless", "av", "pillow", "scipy", "torch")
 THREADS = 1
 MEMORY_GIB = 1.2
 TIMEOUT_S = 86400.0  # reports no progress: minutes for most clips, hours for a long one

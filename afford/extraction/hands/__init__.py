@@ -51,11 +51,13 @@ class Detection:
     """weight of the probabilities of the previous sampled frame, warped by motion, against 1 for those of the frame itself"""
     colour: float = 0.6
     """weight of the hand colours of the clip, against 1 for the hand finder (log odds)"""
-    motion: float = 4.0
+    foreground: float = 5.0
+    """weight of being explained by neither earlier nor later frames, against 1 for the hand finder (log odds of an object)"""
+    motion: float = 3.0
     """weight of moving with the hand, against 1 for the hand finder (log odds of an object)"""
     sleeve: float = 8.0
     """weight of being a sleeve against being an object (log odds)"""
-    lasting: float = 0.8
+    lasting: float = 0.9
     """weight of the object odds of the previous sampled frame, warped by motion, against 1 for those of the frame itself"""
     edge_px: int = 4
     """radius of the guided filter that aligns outlines of hands with image edges"""
@@ -75,7 +77,7 @@ class Detection:
     """weight of the prior from the side of the picture at which an arm enters"""
     near: float = 0.08
     """largest distance between segments of one hand, as a share of the picture width"""
-    far: float = 0.25
+    far: float = 0.45
     """largest distance between a hand and an object that it moves, as a share of the picture width"""
     reach_px: int = 4
     """a hand dilated by this much touches the objects it overlaps"""

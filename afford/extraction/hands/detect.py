@@ -10,16 +10,18 @@ from typing import Literal
 import numpy as np
 
 from afford.extraction.hands import SLEEVE, TOUCHED, Detection
-from afford.extraction.hands.fuse import find_hands, min_times_seen
-from afford.extraction.hands.held_objects import NOTHING, ContactModel, HandMasks, contacts, held_objects
+from afford.extraction.hands.fuse import find_hands
+from afford.extraction.hands.grip import HandKeypoints
+from afford.extraction.hands.held_objects import NOTHING, ContactModel, TouchedObjects, touched_objects
 from afford.extraction.hands.keypoints import hand_tracks
 from afford.extraction.hands.motion import SampledFrames, sample_frames
-from afford.extraction.hands.part_tracks import Track, link_segments
+from afford.extraction.hands.object_evidence import EvidenceModel, HandMasks
+from afford.extraction.hands.part_tracks import Track
 from afford.extraction.hands.refine import smooth_over_time
 from afford.extraction.sources.narrations import DEFAULT_TASK
 from afford.extraction.sources.outlines import trace
 from afford.extraction.tracks.key_frames import evenly_spaced
-from schemas.hands import DetectedHands, HandLandmarks
+from schemas.hands import DetectedHands, HandLandmarks, HandTracks
 from schemas.video import HAND_CLASS, NOT_IN_CONTACT, SIDES, Annotation, Clip, Frames, Hand, KeyFrame, Narration
 
 Finder = Callable[[np.ndarray], np.ndarray | None]
@@ -33,29 +35,28 @@ def detect(clip: Clip, frames: Frames, find: Finder, params: Detection, landmark
     sampled = sample_frames(frames, params.look_s, None if landmarks is None else landmarks.frame)
     seen = _probabilities(sampled, find, params)
     hands = find_hands(sampled, landmarks, seen, params)
-    objects, touch = _objects_and_contacts(seen, sampled, hands.masks, params)
+    tracks = hand_tracks(clip.clip_id, frames, sampled, hands, params)
+    found = _touched(seen, sampled, hands.masks, tracks, params)
     keys = _key_samples(sampled, params.every_s)
-    object_names = name_objects(objects, touch, clip.narrations, frames.frame[sampled.at])
-    remarks = () if landmarks is not None else (NO_LANDMARKS,)
-    named = replace(clip, warnings=(*clip.warnings, *remarks), key_frames=tuple(
-        _key_frame(int(frames.frame[sampled.at[k]]), sampled, k, hands.masks, objects, touch, object_names) for k in keys))
-    return DetectedHands(named, hand_tracks(clip.clip_id, frames, sampled, hands, params))
+    object_names = name_objects(found.objects, found.contact, clip.narrations, frames.frame[sampled.at])
+    remarks = (*(() if landmarks is not None else (NO_LANDMARKS,)), *found.reasons)
+    key_frames = tuple(_key_frame(int(frames.frame[sampled.at[k]]), sampled, k, hands.masks, found.objects, found.contact,
+                                  object_names) for k in keys)  # fmt: skip
+    named = replace(clip, warnings=(*clip.warnings, *remarks), key_frames=key_frames)
+    return DetectedHands(named, replace(tracks, finger_contact=np.stack([found.fingers[side] for side in SIDES])))
 
 
-def _objects_and_contacts(
-    seen: np.ndarray | None, sampled: SampledFrames, hands: HandMasks, params: Detection
-) -> tuple[list[Track], dict[Hand, np.ndarray]]:
-    """Find the touched objects, and for each side the object touched in each sampled frame."""
-    if seen is None:
-        seen = np.zeros((*sampled.rgb.shape[:3], 4), np.float16)
-    width, least_px = sampled.rgb.shape[2], params.least_object * _area(sampled)
-    model = ContactModel(params.reach_px, params.far * width, least_px, params.motion, params.sleeve, params.lasting)
-    parts = held_objects(seen[..., TOUCHED], seen[..., SLEEVE], sampled, hands, model)
-    found = link_segments(parts, sampled, params.link_min_iou, params.rest_looks, rests=True)
-    least = min_times_seen(sampled, params.least_looks)
-    objects = [track for track in found if track.times_seen >= least[min(track.segments)]]
-    touch = contacts(objects, hands, len(sampled.at), params.reach_px, params.least_looks)
-    return objects, touch
+def _touched(
+    seen: np.ndarray | None, sampled: SampledFrames, hands: HandMasks, tracks: HandTracks, params: Detection
+) -> TouchedObjects:
+    """Find the touched objects; `seen` are the probabilities of the hand finder, if there is one."""
+    width, facing = sampled.rgb.shape[2], params.viewpoint == "facing"
+    evidence = EvidenceModel(params.foreground, params.motion, params.sleeve, params.lasting, params.far * width, facing)
+    least_px = params.least_object * _area(sampled)
+    model = ContactModel(params.reach_px, least_px, params.link_min_iou, params.rest_looks, params.least_looks)
+    keypoints = {side: HandKeypoints(tracks.keypoints_px[n], tracks.confidence[n]) for n, side in enumerate(SIDES)}
+    finder = () if seen is None else (seen[..., TOUCHED], seen[..., SLEEVE])
+    return touched_objects(sampled, hands, keypoints, evidence, model, *finder)
 
 
 def _area(sampled: SampledFrames) -> int:

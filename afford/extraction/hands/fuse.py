@@ -10,9 +10,9 @@ import numpy as np
 from afford.common.masks import dilate
 from afford.extraction.hands import LEFT, RIGHT, SLEEVE, Detection
 from afford.extraction.hands.hand_masks import MaskedTrack, hand_masks
-from afford.extraction.hands.held_objects import HandMasks
 from afford.extraction.hands.landmark_tracks import HandPoints, landmark_tracks
 from afford.extraction.hands.motion import SampledFrames, residual_speed
+from afford.extraction.hands.object_evidence import HandMasks
 from afford.extraction.hands.part_tracks import Segment, Track, link_segments
 from afford.extraction.hands.refine import guided_filter, refine_by_colour
 from afford.extraction.hands.sides import SidePrior, assign_sides, drop_small_tracks, hand_segments

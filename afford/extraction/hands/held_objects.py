@@ -1,4 +1,4 @@
-"""Objects that hands touch, from the hand finder and from motion with the hand, and the contact of each hand."""
+"""Touched objects as tracks, and the contact of each hand and finger: what is neither background nor hand, where hands grip."""
 
 from __future__ import annotations
 
@@ -9,91 +9,147 @@ import cv2
 import numpy as np
 
 from afford.common.masks import dilate
-from afford.extraction.hands.motion import SampledFrames, comotion, propagate_odds
-from afford.extraction.hands.part_tracks import Segment, Track
+from afford.extraction.hands.grip import Keypoints, finger_contact, grip_ring
+from afford.extraction.hands.motion import SampledFrames, same_colour
+from afford.extraction.hands.object_evidence import EvidenceModel, HandMasks, all_hands, object_odds
+from afford.extraction.hands.part_tracks import Segment, Track, link_segments
 from afford.extraction.hands.refine import components, segment_grabcut
 from schemas.video import SIDES, Hand
 
-HandMasks = Mapping[Hand, Mapping[int, np.ndarray]]
-"""side -> sampled frame -> mask (h, w) bool"""
 NOTHING = -1
-MIN_PROBABILITY = 0.2
-"""object probabilities of the hand finder are clipped to this value and 1 minus it: it was trained on few objects"""
-HALO_PX = 7
-"""narrower segments are dropped: the flow of a hand extends slightly beyond its outline"""
+LIKELY = 3.0
+"""mean log odds from which a piece apart from the hand may belong to its object"""
+PIECE_PX, JOIN_PX, OPENING_PX = 30, 10, 3
+"""least area of a piece; largest gap between pieces of an object; narrower bridges are cut"""
+LEAST_OVERLAP_PX, SHARE = 8, 0.15
+"""least overlap of a piece with the surroundings of a hand, and its share of the largest overlap with any hand"""
+ARM_PX, SLEEVE = 3, 1.0
+"""a piece is part of a sleeve when it borders on a forearm, within this distance, by this share of its overlap with the grip"""
+HOLE = 0.5
+"""holes are filled up to this share of the area of the object"""
+LARGEST = 0.35
+"""largest object, as a share of the picture"""
+SAME_MASK = 0.8
+"""IoU from which the things at both hands are one object"""
 
 
 @dataclass(frozen=True)
 class ContactModel:
-    """Weights and distances, in pixels, of the detection of touched objects."""
+    """Sizes, distances and times of the detection of touched objects, in pixels and sampled frames."""
 
     ring_px: int
     """a hand dilated by this much touches the objects it overlaps"""
-    far_px: float
-    """largest distance from the hand at which motion counts"""
     least_px: float
     """smallest area of an object"""
-    motion: float
-    """weight of motion with the hand, against 1 for the hand finder, in log odds"""
-    sleeve: float
-    """log odds against an object where a sleeve is certain"""
-    lasting: float
-    """weight of the odds of the previous sampled frame"""
+    min_iou: float
+    """least IoU that links segments of consecutive sampled frames"""
+    rest: int
+    """sampled frames for which an object is followed before and after the touch"""
+    least: int
+    """sampled frames in which an object and a contact must be seen to count"""
 
 
-def held_objects(
-    seen: np.ndarray, cloth: np.ndarray, sampled: SampledFrames, hands: HandMasks, model: ContactModel
-) -> list[list[Segment]]:
-    """Find the segments of objects at hands in every sampled frame.
+@dataclass(frozen=True)
+class TouchedObjects:
+    """Touched objects of a clip and the contact of its hands."""
 
-    seen, cloth: (k, h, w) probability of a touched object, and of a sleeve, which moves with the hand as an object does.
-    """
-    own_hands = [[hands[side][k] for side in SIDES if k in hands[side]] for k in range(len(sampled.at))]
-    own = [_object_odds(seen[k], cloth[k], sampled, k, own_hands[k], model) for k in range(len(sampled.at))]
-    odds = propagate_odds(own, sampled, model.lasting)
-    return [
-        _object_segments(odds[k], seen[k], sampled.rgb[k], np.any(masks, axis=0), model) if masks else []
-        for k, masks in enumerate(own_hands)
-    ]
+    objects: list[Track]
+    contact: dict[Hand, np.ndarray]
+    """side -> (k,) int64: index of the touched object in each sampled frame, NOTHING without contact or hand"""
+    fingers: dict[Hand, np.ndarray]
+    """side -> (k, 5) float32: probability of contact of thumb to little finger, 0 where unknown"""
+    reasons: tuple[str, ...]
+    """one sentence for each touch that is left out"""
 
 
-def _object_odds(
-    p: np.ndarray, cloth: np.ndarray, sampled: SampledFrames, k: int, hands: Sequence[np.ndarray], model: ContactModel,
-) -> np.ndarray:
-    """Log odds (h, w) of a held object in sampled frame k, from the hand finder and from motion."""
-    if not hands:
-        return np.zeros(p.shape, np.float32)
-    hand, sure = np.any(hands, axis=0), np.clip(p.astype(np.float32), MIN_PROBABILITY, 1 - MIN_PROBABILITY)
-    along = [comotion(sampled, k, one, hand, model.far_px) for one in hands]
-    return np.log(sure / (1 - sure)) + model.motion * np.sum(along, axis=0) - model.sleeve * cloth.astype(np.float32)
+def touched_objects(
+    sampled: SampledFrames, hands: HandMasks, keypoints: Keypoints, evidence: EvidenceModel, model: ContactModel,
+    touched: np.ndarray | None = None, sleeve: np.ndarray | None = None,
+) -> TouchedObjects:
+    """Find the objects that hands touch, from motion and background; `touched` and `sleeve` as in `object_odds`."""
+    odds, arms = object_odds(sampled, hands, keypoints, evidence, touched, sleeve)
+    held = [_held(sampled, k, odds[k], arms[k], hands, keypoints, evidence, model) for k in range(len(sampled.at))]
+    tracks = link_segments([_distinct(list(one.values())) for one in held], sampled, model.min_iou, model.rest, rests=True)
+    least = {k: min(model.least, len(run)) for run in sampled.runs for k in run}
+    kept = [track for track in tracks if track.times_seen >= least[min(track.segments)]]
+    contact = contacts(kept, held, hands, model.least)
+    objects = [_backwards(track, sampled, model.rest) for track in kept]
+    fingers = {side: _finger_contacts(side, objects, contact[side], keypoints) for side in SIDES}
+    return TouchedObjects(objects, contact, fingers, tuple(_reasons(tracks, kept, sampled)))
 
 
-def _object_segments(odds: np.ndarray, p: np.ndarray, rgb: np.ndarray, hand: np.ndarray, model: ContactModel) -> list[Segment]:
-    far = cv2.distanceTransform((~hand).astype(np.uint8), cv2.DIST_L2, 3) > model.far_px
-    thing, near = segment_grabcut(odds, rgb, hand | far), dilate(hand, model.ring_px)
-    found = [part for part in components(thing, model.least_px, HALO_PX) if (part & near).any()]
-    return [Segment(part) for part in found if not _leaves_picture(part) or p[part].mean() > 0.5]
+def _held(
+    sampled: SampledFrames, k: int, odds: np.ndarray, arms: np.ndarray, hands: HandMasks, keypoints: Keypoints,
+    evidence: EvidenceModel, model: ContactModel,
+) -> dict[Hand, np.ndarray]:
+    """Segment what each hand holds in sampled frame k: side -> mask (h, w) bool; sides without an object are missing."""
+    skin = all_hands(hands, k, odds.shape)
+    if not skin.any():
+        return {}
+    far = cv2.distanceTransform((~skin).astype(np.uint8), cv2.DIST_L2, 3) > evidence.far_px
+    found = components(segment_grabcut(odds, sampled.rgb[k], skin | arms | far), PIECE_PX, OPENING_PX)
+    rings = {side: grip_ring(hands[side][k], keypoints[side].at(k) if side in keypoints else None, model.ring_px)
+             for side in SIDES if k in hands[side]}  # fmt: skip
+    pieces = [piece for piece in found if not _sleeve(piece, arms, rings)]
+    overlap = [{side: int((ring & piece).sum()) for side, ring in rings.items()} for piece in pieces]
+    apart = [piece for piece, at in zip(pieces, overlap, strict=True)
+             if max(at.values()) < LEAST_OVERLAP_PX and odds[piece].mean() > LIKELY]  # fmt: skip
+    out = {}
+    for side in rings:
+        mine = [piece for piece, at in zip(pieces, overlap, strict=True)
+                if at[side] >= max(LEAST_OVERLAP_PX, SHARE * max(at.values()))]  # fmt: skip
+        if mine:
+            whole = fill_holes(_joined(mine, apart), skin)
+            if model.least_px <= whole.sum() <= LARGEST * whole.size:
+                out[side] = whole
+    return out
 
 
-def _leaves_picture(part: np.ndarray) -> bool:
-    """Test whether a segment touches the border of the picture. A moving one usually is the sleeve of the hand."""
-    return bool(part[0].any() or part[-1].any() or part[:, 0].any() or part[:, -1].any())
+def _sleeve(piece: np.ndarray, arms: np.ndarray, rings: Mapping[Hand, np.ndarray]) -> bool:
+    """Test whether a piece borders on a forearm more than on the surroundings of the fingers."""
+    beside = int((dilate(piece, ARM_PX) & arms).sum())
+    return beside > SLEEVE * max(int((ring & piece).sum()) for ring in rings.values())
 
 
-def contacts(objects: Sequence[Track], hands: HandMasks, count: int, ring_px: int, least: int) -> dict[Hand, np.ndarray]:
+def _joined(mine: Sequence[np.ndarray], apart: Sequence[np.ndarray]) -> np.ndarray:
+    """Join the pieces at a hand with near ones beyond it: fingers hide what connects them."""
+    whole: np.ndarray = np.any(mine, axis=0)
+    for piece in apart:
+        if (dilate(piece, JOIN_PX) & whole).any():
+            whole = whole | piece
+    return whole
+
+
+def fill_holes(mask: np.ndarray, hand: np.ndarray) -> np.ndarray:
+    """Fill the holes of an object (h, w) bool that it encloses alone or with the hand; the hand itself is not filled."""
+    count, label, stats, _ = cv2.connectedComponentsWithStats((~(mask | hand)).astype(np.uint8), connectivity=4)
+    outside = set(np.concatenate([label[0], label[-1], label[:, 0], label[:, -1]]).tolist())
+    holes = [i for i in range(1, count) if i not in outside and stats[i, cv2.CC_STAT_AREA] < HOLE * mask.sum()]
+    return mask | np.isin(label, holes)
+
+
+def _distinct(masks: Sequence[np.ndarray]) -> list[Segment]:
+    """One segment for each object; what both hands hold is one object."""
+    if len(masks) == 2 and (masks[0] & masks[1]).sum() >= SAME_MASK * min(mask.sum() for mask in masks):
+        return [Segment(masks[0] | masks[1])]
+    return [Segment(mask) for mask in masks]
+
+
+def contacts(
+    objects: Sequence[Track], held: Sequence[Mapping[Hand, np.ndarray]], hands: HandMasks, least: int
+) -> dict[Hand, np.ndarray]:
     """Find the contact of each side: index of the touched object in each sampled frame, NOTHING without contact or hand.
 
     A contact of fewer than `least` sampled frames in a row is dropped, unless the hand itself is visible for no longer.
     """
-    touched = {side: [_touched_object(objects, hands[side].get(k), k, ring_px) for k in range(count)] for side in SIDES}
-    return {side: _drop_short_contacts(touched[side], hands[side], least) for side in SIDES}
+    touch = {side: [_touched_object(objects, one.get(side), k) for k, one in enumerate(held)] for side in SIDES}
+    return {side: _drop_short_contacts(touch[side], hands[side], least) for side in SIDES}
 
 
-def _touched_object(objects: Sequence[Track], hand: np.ndarray | None, k: int, ring_px: int) -> int:
-    if hand is None:
+def _touched_object(objects: Sequence[Track], mask: np.ndarray | None, k: int) -> int:
+    if mask is None:
         return NOTHING
-    ring = dilate(hand, ring_px)
-    overlap = [int((ring & one.segments[k].mask).sum()) if k in one.segments else 0 for one in objects]
+    overlap = [int((mask & one.segments[k].mask).sum()) if k in one.segments else 0 for one in objects]
     return int(np.argmax(overlap)) if any(overlap) else NOTHING
 
 
@@ -106,3 +162,31 @@ def _drop_short_contacts(touched: list[int], seen: Mapping[int, np.ndarray], lea
             out[k:end] = NOTHING
         k = end
     return out
+
+
+def _backwards(track: Track, sampled: SampledFrames, rest: int) -> Track:
+    """Follow an object by motion to the sampled frames before it was first seen, as long as colours agree."""
+    segments, first = dict(track.segments), min(track.segments)
+    for k in range(first - 1, max(first - 1 - rest, -1), -1):
+        moved = sampled.warp(segments[k + 1].mask.astype(np.float32), k, -1)
+        if moved is None or not (moved > 0.5).any() or same_colour(sampled, k, -1)[moved > 0.5].mean() < 0.5:
+            break
+        segments[k] = Segment(moved > 0.5, seen=False)
+    return Track(segments)
+
+
+def _finger_contacts(side: Hand, objects: Sequence[Track], contact: np.ndarray, keypoints: Keypoints) -> np.ndarray:
+    out = np.zeros((len(contact), 5), np.float32)
+    for k in np.flatnonzero(contact != NOTHING).tolist() if side in keypoints else []:
+        points, thing = keypoints[side].at(k), objects[int(contact[k])].segments.get(k)
+        if points is not None and thing is not None:
+            out[k] = finger_contact(thing.mask, points)
+    return out
+
+
+def _reasons(tracks: Sequence[Track], kept: Sequence[Track], sampled: SampledFrames) -> list[str]:
+    dropped = sorted(min(track.segments) for track in tracks if not any(track is other for other in kept))
+    if not dropped:
+        return []
+    times = ", ".join(f"{sampled.time_s[k]:.1f}" for k in dropped[:5]) + (" ..." if len(dropped) > 5 else "")
+    return [f"something moves with a hand near {times} s, but for too short a time to be outlined as an object"]

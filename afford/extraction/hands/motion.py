@@ -144,10 +144,15 @@ def camera_flow(flow: np.ndarray, free: np.ndarray) -> np.ndarray:
     return (terms @ fit).astype(np.float32)
 
 
-def propagate_odds(odds: Sequence[np.ndarray], sampled: SampledFrames, weight: float) -> list[np.ndarray]:
-    """Propagate log odds (h, w) over time by motion, forwards and backwards; the larger of both counts.
+SAME_COLOUR = 60.0
+"""mean difference of colours (sum over the channels) at which odds of the previous sampled frame are half propagated"""
 
-    So an object that was moved, or will be, stays an object while it rests. weight: of the odds of the previous sampled frame.
+
+def propagate_odds(odds: Sequence[np.ndarray], sampled: SampledFrames, weight: float) -> list[np.ndarray]:
+    """Propagate log odds (h, w) over time by motion, forwards and backwards, where colours agree; the larger of both counts.
+
+    So an object that was moved, or will be, stays an object while it rests, and the place that it leaves becomes background.
+    weight: of the odds of the previous sampled frame.
     """
     directions = [_propagate_direction(odds, sampled, weight, step) for step in (1, -1)]
     return [np.maximum(before, after) for before, after in zip(*directions, strict=True)]
@@ -158,5 +163,13 @@ def _propagate_direction(odds: Sequence[np.ndarray], sampled: SampledFrames, wei
     for k in range(len(odds))[::step]:
         before = sampled.warp(out[k - step], k, step) if 0 <= k - step < len(odds) else None
         if before is not None:
-            out[k] = np.clip(odds[k] + weight * before, -MAX_ODDS, MAX_ODDS)
+            out[k] = np.clip(odds[k] + weight * before * same_colour(sampled, k, step), -MAX_ODDS, MAX_ODDS)
     return out
+
+
+def same_colour(sampled: SampledFrames, k: int, step: int) -> np.ndarray:
+    """Score (h, w) float32 from 0 to 1 the agreement of colours of sampled frame k with frame k - step, warped by motion."""
+    warped = [sampled.warp(sampled.rgb[k - step, ..., c].astype(np.float32), k, step) for c in range(3)]
+    apart = cv2.blur(sum(np.abs(one - sampled.rgb[k, ..., c]) for c, one in enumerate(warped)), (5, 5))
+    agreement: np.ndarray = 1 / (1 + (apart / SAME_COLOUR) ** 4)
+    return agreement

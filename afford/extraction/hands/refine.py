@@ -105,10 +105,8 @@ def components(mask: np.ndarray, least_px: float, least_wide_px: int = 3) -> Seq
 
 PROBABLE, CERTAIN, EXCLUDED = 2.0, 4.0, -1.0
 """log odds above which pixels are probable or certain foreground, and below which they are certain background"""
-SHRINK = 2
-"""downscaling factor of GrabCut"""
-MARGIN_PX, LEAST_PX = 12, 20
-"""margin around the possible foreground, and least area of it, in downscaled pixels"""
+MARGIN_PX, LEAST_PX = 24, 30
+"""margin around the possible foreground, and least area of it"""
 
 
 def segment_grabcut(odds: np.ndarray, rgb: np.ndarray, never: np.ndarray) -> np.ndarray:
@@ -116,29 +114,27 @@ def segment_grabcut(odds: np.ndarray, rgb: np.ndarray, never: np.ndarray) -> np.
 
     odds: (h, w) float32, log odds of the object; rgb: (h, w, 3) uint8.
     """
-    height, width = odds.shape
-    size = max(width // SHRINK, 1), max(height // SHRINK, 1)
-    label = _labels(*(cv2.resize(image, size, interpolation=mode) for image, mode in (
-        (odds, cv2.INTER_AREA), (never.astype(np.uint8), cv2.INTER_NEAREST))))  # fmt: skip
-    out = np.zeros(label.shape, np.float32)
+    label = _labels(odds, never)
+    out = np.zeros(odds.shape, bool)
     if LEAST_PX <= (label & cv2.GC_FGD).sum() < label.size:
         y, x = np.nonzero(label & cv2.GC_FGD)
         box = tuple(slice(max(at.min() - MARGIN_PX, 0), at.max() + MARGIN_PX) for at in (y, x))
-        small = cv2.resize(rgb, size, interpolation=cv2.INTER_AREA)
-        out[box] = _cut(np.ascontiguousarray(small[box]), np.ascontiguousarray(label[box]))
-    return (cv2.resize(out, (width, height)) > 0.5) & ~never
+        out[box] = _cut(np.ascontiguousarray(rgb[box]), np.ascontiguousarray(label[box]))
+    return out & ~never
 
 
 def _labels(odds: np.ndarray, never: np.ndarray) -> np.ndarray:
     label = np.full(odds.shape, cv2.GC_PR_BGD, np.uint8)
     label[odds > PROBABLE] = cv2.GC_PR_FGD
     label[odds > CERTAIN] = cv2.GC_FGD
-    label[(odds < EXCLUDED) | (never > 0)] = cv2.GC_BGD
+    label[(odds < EXCLUDED) | never] = cv2.GC_BGD
     return label
 
 
 def _cut(rgb: np.ndarray, label: np.ndarray) -> np.ndarray:
     """Run GrabCut, (h, w) bool. OpenCV's random generator gets a fixed seed, because GrabCut initialises its mixtures from it."""
+    if (label & cv2.GC_FGD).all():
+        return np.ones(label.shape, bool)
     cv2.setRNGSeed(0)
     cv2.grabCut(rgb, label, None, np.zeros((1, 65)), np.zeros((1, 65)), 1, cv2.GC_INIT_WITH_MASK)
     return (label & cv2.GC_FGD) > 0

@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
 import numpy as np
 
-from afford.extraction.landmarks.palm import read_network
 from afford.extraction.landmarks.region import Region, enlarged, rotation, upright_angle
+from afford.extraction.landmarks.tflite import TfliteNetwork
 
 INPUT_PX = 224
 OUTPUTS = ("Identity", "Identity_1", "Identity_2", "Identity_3")
@@ -50,15 +49,15 @@ class Landmarks:
 
 
 class HandLandmarker:
-    """MediaPipe's landmark network on one thread of cv2.dnn; not for use by several threads at once."""
+    """MediaPipe's landmark network, out of the file hand_landmark_full.tflite."""
 
     def __init__(self, model: Path) -> None:
-        self._network = read_network(model)
+        self._network = TfliteNetwork(model)
 
     def landmarks(self, rgb: np.ndarray, region: Region) -> Landmarks:
         """Compute the landmarks of the hand in a region of a picture (h, w, 3) uint8."""
-        self._network.setInput(cv2.dnn.blobFromImage(region.crop(rgb, INPUT_PX), 1 / 255))
-        points, presence, right, metric = (output.reshape(-1).astype(np.float64) for output in self._network.forward(OUTPUTS))
+        found = self._network(region.crop(rgb, INPUT_PX)[None])
+        points, presence, right, metric = (found[name].reshape(-1).astype(np.float64) for name in OUTPUTS)
         points, metric = points.reshape(21, 3) / INPUT_PX, region.rotate(metric.reshape(21, 3))
         depth = points[:, 2] * region.side_px / DEPTH_SCALE
         return Landmarks(region.to_picture(points[:, :2]), depth, metric, float(presence[0]), float(right[0]), region)

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 
 from afford.extraction.landmarks.region import Region, enlarged, upright_angle
+from afford.extraction.landmarks.tflite import TfliteNetwork
 
 INPUT_PX = 192
 GRIDS = ((24, 2), (12, 6))
@@ -45,10 +46,10 @@ class Palm:
 
 
 class PalmDetector:
-    """MediaPipe's palm detector on one thread of cv2.dnn; not for use by several threads at once."""
+    """MediaPipe's palm detector, out of the file palm_detection_full.tflite."""
 
     def __init__(self, model: Path) -> None:
-        self._network = read_network(model)
+        self._network = TfliteNetwork(model)
         self._anchors = _anchors()
 
     def detect(self, rgb: np.ndarray, min_score: float = 0.5, window: tuple[float, float, float] | None = None) -> list[Palm]:
@@ -61,25 +62,13 @@ class PalmDetector:
         side = float(max(height, width))
         x0, y0, side = window or ((width - side) / 2, (height - side) / 2, side)
         square = Region(x0 + side / 2, y0 + side / 2, side)
-        self._network.setInput(cv2.dnn.blobFromImage(square.crop(rgb, INPUT_PX, cv2.BORDER_CONSTANT), 1 / 255))
-        boxes, logits = self._network.forward([BOXES, SCORES])
-        scores = 1 / (1 + np.exp(-np.clip(logits.reshape(-1), -LOGIT_LIMIT, LOGIT_LIMIT)))
+        found = self._network(square.crop(rgb, INPUT_PX, cv2.BORDER_CONSTANT)[None])
+        scores = 1 / (1 + np.exp(-found[SCORES].reshape(-1).clip(-LOGIT_LIMIT, LOGIT_LIMIT)))
         chosen = np.flatnonzero(scores >= min_score)
-        points = _decode(boxes.reshape(-1, 18)[chosen], self._anchors[chosen])
+        points = _decode(found[BOXES].reshape(-1, 18)[chosen], self._anchors[chosen])
         sound = (points[:, 1] >= points[:, 0]).all(1)  # the library drops boxes of negative size
-        return [Palm(score, square.to_picture(found[:2]).reshape(4), square.to_picture(found[2:]))
-                for score, found in weighted_nms(scores[chosen][sound], points[sound])]  # fmt: skip
-
-
-def read_network(model: Path) -> cv2.dnn.Net:
-    """Read a TFLite network with the classic engine of OpenCV, which returns every output.
-
-    The new engine returns one output only, and networks read from a buffer are always given to it. ValueError for another file.
-    """
-    try:
-        return cv2.dnn.readNetFromTFLite(str(model), engine=cv2.dnn.ENGINE_CLASSIC)
-    except cv2.error as error:
-        raise ValueError(f"{model}: not a TFLite network that OpenCV reads; run `make setup` to fetch the file again") from error
+        return [Palm(score, square.to_picture(palm[:2]).reshape(4), square.to_picture(palm[2:]))
+                for score, palm in weighted_nms(scores[chosen][sound], points[sound])]  # fmt: skip
 
 
 def _anchors() -> np.ndarray:
