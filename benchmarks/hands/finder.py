@@ -199,11 +199,11 @@ def main() -> None:
         print(f"{len(truth)} regions, {sum(truth)} hands; {', '.join(NAMES)}\nWEIGHTS = {tuple(round(w, 2) for w in weights)}\n"
               f"BIAS = {bias:.2f}")
     text = table([measure(finder, pictures(True if args.fit else None)) for finder in args.finder])
-    said = (f"The hand finder alone on single pictures, without tracks, colours of the clip or landmarks: regions of probability "
+    about = (f"The hand finder alone on single pictures, without tracks, colours of the clip or landmarks: regions of probability "
             f"{LIKELY} or more against annotated hands at IoU {GOOD_IOU}; mean over {len(args.finder)} trainings of different "
             "seeds (range). Small hands cover less than 0.6 % of the picture. Claims of pictures without hands are all false. "
             "Weights of the evidence were fitted on other clips of the same kinds. Written by `benchmarks/hands/finder.py`.")
-    PAGE.write_text(f"# Hand finder\n\n{said}\n\n{text}\n")
+    PAGE.write_text(f"# Hand finder\n\n{about}\n\n{text}\n")
     print(text)
 
 

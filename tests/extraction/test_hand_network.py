@@ -6,6 +6,7 @@ import json
 import sys
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 import torch
@@ -15,7 +16,6 @@ from afford.extraction.hands.model import PALM, HandFinder, HandFinderConfig
 from afford.extraction.hands.network import GRID, MEAN, Calibration, input_size, normalise_exposure, segment
 from afford.extraction.hands.palm_encoder import read_palm_encoder
 from afford.extraction.landmarks import files as landmark_files
-from afford.extraction.landmarks.palm import read_network as read_tflite
 
 TINY = HandFinderConfig(height_px=48, width_px=80, widths=(4, 8, 12))
 PALM_FILE = Path(sys.prefix) / landmark_files.FOLDER / landmark_files.PALM
@@ -115,7 +115,7 @@ def test_a_changed_model_is_read_again(model: Path) -> None:
 def test_the_palm_encoder_is_the_detector() -> None:
     """Feature maps at strides 16 and 8 are those in front of the detector's heads, as OpenCV computes them."""
     picture = np.random.default_rng(0).random((1, 3, 192, 192), np.float32)
-    network = read_tflite(PALM_FILE)
+    network = cv2.dnn.readNetFromTFLite(str(PALM_FILE), engine=cv2.dnn.ENGINE_CLASSIC)
     network.setInput(picture)
     names = list(network.getLayerNames())
     heads = [n for n, name in enumerate(names) if "classifier_palm" in name and "BiasAdd" in name]

@@ -9,18 +9,18 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import torch
 from torch import Tensor, nn
 from torch.nn.functional import interpolate, max_pool2d, pad
-
-from afford.extraction.landmarks.palm import read_network
 
 STAGES = ((32, 4), (64, 5), (128, 5), (256, 5), (256, 5))
 """channels and blocks of the stages at strides 2, 4, 8, 16 and 32"""
 KERNEL = 5
 HEADS = (2, 6, 36, 108)
 """output channels of the heads, which the encoder lacks"""
+AGAIN = "run `make setup` to fetch the file again"
 LAYERS = ("Convolution", "PReLU")
 """layers of the TFLite file that hold weights"""
 
@@ -105,7 +105,7 @@ def read_palm_encoder(model: Path) -> PalmEncoder:
     own = [layer for layer in encoder.modules() if isinstance(layer, nn.Conv2d | nn.PReLU)]
     given = _weights(model)
     if [sum(p.numel() for p in layer.parameters()) for layer in own] != [sum(blob.size for blob in blobs) for blobs in given]:
-        raise ValueError(f"{model}: expected MediaPipe's full palm detector; run `make setup` to fetch the file again")
+        raise ValueError(f"{model}: expected MediaPipe's full palm detector; {AGAIN}")
     for layer, blobs in zip(own, given, strict=True):
         for parameter, blob in zip(layer.parameters(), blobs, strict=True):
             parameter.data = torch.from_numpy(blob.reshape(parameter.shape).copy())
@@ -114,7 +114,10 @@ def read_palm_encoder(model: Path) -> PalmEncoder:
 
 def _weights(model: Path) -> list[list[np.ndarray]]:
     """Weights of the layers of the encoder in the order of the file, which is that of the modules; the heads are left out."""
-    network = read_network(model)
+    try:
+        network = cv2.dnn.readNetFromTFLite(str(model), engine=cv2.dnn.ENGINE_CLASSIC)
+    except cv2.error as error:
+        raise ValueError(f"{model}: not a TFLite network that OpenCV reads; {AGAIN}") from error
     layers: list[Any] = [network.getLayer(network.getLayerId(name)) for name in network.getLayerNames()]
     blobs = [[np.asarray(blob, np.float32) for blob in layer.blobs] for layer in layers if layer.type in LAYERS]
     return [one for one in blobs if one[0].shape[0] not in HEADS]
