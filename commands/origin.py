@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
-from afford.common.folders import media_of
+from afford.common.folders import IMAGE_SUFFIXES, PACK_SUFFIXES, VIDEO_SUFFIXES, entries, media_of
 from afford.extraction.sources.discover import Refused, Source, discover
 from commands.errors import UsageError, unknown
 from commands.targets import ALL
@@ -19,7 +19,7 @@ OWN_ROOMS = {"train-set": "afford-stills", "benchmark-set": "afford-stills-bench
              "negative-affordance": "procedural-objects", "interactions": "interactions",
              "sor3d": "sor3d", "sor3d-ablation": "sor3d-ablation", "static-sets": "static-sets"}
 """targets that always render their own data -> name of their outputs"""
-NEEDED = {"motions": "motion of hands, see docs/grasping/motion-format.md"}
+NEEDED = {"motions": "motion of hands or a video of hands, see docs/grasping/motion.md"}
 """targets that need a source -> description of the source"""
 SEQUENCES = ("interactions", "sor3d", "sor3d-ablation")
 """targets that read or render RGB-D sequences"""
@@ -41,7 +41,7 @@ def origin(target: str, source: Path | None, settings: Settings, digest: Callabl
     if target == "negative-affordance" and source is not None:
         return _meshes(source, digest)
     if target == "motions":
-        return _motions(source, digest), None
+        return _motions(source, settings, digest, clips)
     if target == "static-sets":
         return _pictures(target, source, settings, digest), None
     if target in SEQUENCES:
@@ -107,21 +107,50 @@ def _benchmark(source: Path | None, settings: Settings, digest: Callable[[Path],
     return Origin(given.name if given else OWN_ROOMS["benchmark-set"], cases=given, predictions=others)
 
 
-def _motions(source: Path | None, digest: Callable[[Path], str]) -> Origin:
-    """Folder or file with hand motion; empty where only the graph is needed."""
+def _motions(source: Path | None, settings: Settings, digest: Callable[[Path], str],
+             clips: tuple[str, ...]) -> tuple[Origin, Source | None]:  # fmt: skip
+    """Folder or file with hand motion, or a folder with videos; empty where only the graph is needed."""
     from afford.dataset.act_affordance import read_tree
 
     if source is None:
-        return Origin("motions")
+        return Origin("motions"), None
+    if settings.grasping.motion_read.backend == "keypoints" and _has_video(source):
+        return _hand_videos(source, settings, digest, clips)
     try:
         files = read_tree(source, digest) if source.is_dir() else None
     except ValueError as error:
         raise UsageError(str(error)) from error
     if files is None and not source.is_file():
-        raise UsageError(f"--source {source}: no such file or folder; give hand motion")
+        raise UsageError(f"--source {source}: no such file or folder; give hand motion, or a folder with a video of hands")
+    if files is None and source.suffix.lower() in VIDEO_SUFFIXES:
+        raise UsageError(f"--source {source}: is a video file; give the folder of the video")
     if files is None:
         files = FileTree(source.stem, (FileRef(source.name, digest(source), source.stat().st_size, source),))
-    return Origin(files.name, motions=files)
+    return Origin(files.name, motions=files), None
+
+
+def _has_video(source: Path) -> bool:
+    """Return True for a folder with videos or frames; UsageError where it also contains hand motion."""
+    found = entries(source) if source.is_dir() else ()
+    video = any(one.many or one.suffix in VIDEO_SUFFIXES + PACK_SUFFIXES or (one.suffix in IMAGE_SUFFIXES and not one.top)
+                for one in found)  # fmt: skip
+    motion = next((one.name for one in found if one.suffix == ".npz"), None)
+    if video and motion is not None:
+        raise UsageError(f"--source {source}: has both video and hand motion ({motion}); put them into two folders")
+    return video
+
+
+def _hand_videos(source: Path, settings: Settings, digest: Callable[[Path], str],
+                 clips: tuple[str, ...]) -> tuple[Origin, Source]:  # fmt: skip
+    """Videos of a folder, for the motion of the hands in them."""
+    if "hand_landmarks" not in dict(settings.weights):
+        raise UsageError(f"--source {source}: hand motion from video needs the landmark networks, which set-up could not fetch; "
+                         "run `python install/landmark_files.py`")
+    try:
+        found = discover(source, digest, clips)
+    except ValueError as error:
+        raise _refusal(source, error) from error
+    return Origin(found.name, videos=tuple(_with_truth(video, found) for video in found.videos), bare=found.kind == "bare"), found
 
 
 def _meshes(source: Path, digest: Callable[[Path], str]) -> tuple[Origin, Source]:

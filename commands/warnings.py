@@ -74,6 +74,7 @@ def _of_video(outputs: _Outputs, video: str) -> Iterator[StageWarning]:
             yield from (StageWarning("source_read", video, text) for text in (*clip["warnings"], *([none] if none else [])))
             for stage, texts in (("frame_decode", _of_frames(clip, outputs.of("frame_decode", f"{video}/{name}"))),
                                  ("hand_detect", _of_hands(clip, outputs.part("hand_detect", f"{video}/{name}", "clip"))),
+                                 ("hand_motion", _of_motions(outputs.part("hand_motion", f"{video}/{name}", "remarks"))),
                                  ("narration_labelling", _of_labels(outputs.of("narration_labelling", f"{video}/{name}")))):
                 yield from (StageWarning(stage, name, text) for text in texts)
     except LostError as error:
@@ -106,6 +107,10 @@ def _of_hands(read: Fields, clip: Fields | None) -> Iterator[str]:
         yield "no hand was found"
     elif all(hand["contact"] in (*NOT_IN_CONTACT, *UNKNOWN_CONTACT) for hand in hands):
         yield "hands were found, but nothing that they touch"
+
+
+def _of_motions(remarks: Fields | None) -> Iterator[str]:
+    yield from remarks["texts"] if remarks else ()
 
 
 def _of_labels(labels: Fields | None) -> Iterator[str]:

@@ -66,16 +66,32 @@ class Extracted(NamedTuple):
         }  # fmt: skip
 
 
+class Decoded(NamedTuple):
+    """Handles of one clip as it was read, and of its frames."""
+
+    clip: Clip
+    media: FileTree
+    footage: Footage
+    frames: Frames
+
+
+def decode(g: Graph, video: RenderedClip, p: Settings) -> Decoded:
+    """Read every clip of a video and decode its frames."""
+    files       = g.pick(video, lambda v: v.files)
+    media       = g.pick(video, lambda v: v.media)
+    clip        = g.each(g.first(g.add(source_read.run, files=files,                      params=p.extraction.source_read)))
+    footage     = g.add(clip_footage.run,           clip=clip,                                       params=clip_footage.Params())
+    frames      = g.add(frame_decode.run,           media=media,     footage=footage,     params=p.extraction.frame_decode)
+    return Decoded(clip, media, footage, frames)
+
+
 def extract(g: Graph, video: RenderedClip, p: Settings, bare: bool = False) -> Extracted:
     """Extract hands, objects and affordances on every frame; in a `bare` video hands are detected first."""
     s           = p.extraction
-    files       = g.pick(video, lambda v: v.files)
-    media       = g.pick(video, lambda v: v.media)
-    clip        = g.each(g.first(g.add(source_read.run, files=files,                                 params=s.source_read)))
-    footage     = g.add(clip_footage.run,           clip=clip,                                       params=clip_footage.Params())
-    frames      = g.add(frame_decode.run,           media=media,     footage=footage,                params=s.frame_decode)
-    read, found = clip, detect_hands(g, clip, media, footage, frames, p) if bare else None
-    clip        = clip if found is None else g.pick(found, lambda d: d.clip)
+    seen        = decode(g, video, p)
+    frames      = seen.frames
+    read, found = seen.clip, detect_hands(g, seen, p) if bare else None
+    clip        = read if found is None else g.pick(found, lambda d: d.clip)
     tracks      = g.add(mask_densify.run,           clip=clip,       frames=frames,                  params=s.mask_densify,
                         **weights(g, p, "mask_densify"))
     inpainted   = g.add(hand_inpaint.run,           frames=frames,   tracks=tracks,                  params=s.hand_inpaint,
@@ -87,7 +103,7 @@ def extract(g: Graph, video: RenderedClip, p: Settings, bare: bool = False) -> E
     return Extracted(clip, frames, tracks, inpainted, complete, affordances, labels, read, found)
 
 
-def detect_hands(g: Graph, clip: Clip, media: FileTree, footage: Footage, frames: Frames, p: Settings) -> DetectedHands:
+def detect_hands(g: Graph, seen: Decoded, p: Settings) -> DetectedHands:
     """Detect hands and touched objects in a clip without masks; without the landmark networks the hand finder finds them alone."""
     s, given = p.extraction, dict(p.weights)
     params = s.hand_detect
@@ -95,11 +111,11 @@ def detect_hands(g: Graph, clip: Clip, media: FileTree, footage: Footage, frames
         params = replace(params, backend="network")
     arguments: dict[str, Any] = {}
     if "hand_landmarks" in given:
-        arguments["landmarks"] = g.add(hand_landmarks.run, media=media, footage=footage, params=s.hand_landmarks,
+        arguments["landmarks"] = g.add(hand_landmarks.run, media=seen.media, footage=seen.footage, params=s.hand_landmarks,
                                        **weights(g, p, "hand_landmarks"))
     trained = {"weights": g.pick(finder(g, p), lambda t: t.files)} if params.backend == "network" else {}
     arguments |= trained or weights(g, p, "hand_detect")
-    return g.add(hand_detect.run, clip=clip, frames=frames, params=params, **arguments)
+    return g.add(hand_detect.run, clip=seen.clip, frames=seen.frames, params=params, **arguments)
 
 
 def finder(g: Graph, p: Settings) -> Trained:
@@ -159,12 +175,24 @@ def score(g: Graph, video: RenderedClip, p: Settings) -> Scored:
 
 
 def record(g: Graph, x: Extracted, samples: Samples) -> FileTree:
-    """Record every stage of a clip, and merge the recordings into one for the viewer."""
+    """Record every stage of a clip."""
+    return record_clip(g, x.clip, x.frames, {**x.recorded(), "sample_assemble": samples})
+
+
+def record_hands(g: Graph, seen: Decoded, hands: DetectedHands) -> FileTree:
+    """Record the frames of a clip with its detected hands."""
+    values: dict[str, stage_record.Recorded] = {"source_read": seen.clip, "frame_decode": seen.frames, "hand_detect": hands}
+    return record_clip(g, seen.clip, seen.frames, values, "hand_detect/{clip}")
+
+
+def record_clip(g: Graph, clip: Clip, frames: Frames, values: Mapping[str, stage_record.Recorded],
+                name: str = "{clip}") -> FileTree:  # fmt: skip
+    """Record the outputs of stages for a clip, and merge the recordings into one for the viewer."""
     parts = tuple(
-        g.named(f"record_{stage}").add(stage_record.run, value=value, frames=x.frames, params=stage_record.Params(stage), ctx=g.ctx)
-        for stage, value in (*x.recorded().items(), ("sample_assemble", samples))
+        g.named(f"record_{stage}").add(stage_record.run, value=value, frames=frames, params=stage_record.Params(stage), ctx=g.ctx)
+        for stage, value in values.items()
     )
-    return recorded(g, g.add(clip_record.run, clip=x.clip, parts=parts, params=clip_record.Params(), ctx=g.ctx), "{clip}")
+    return recorded(g, g.add(clip_record.run, clip=clip, parts=parts, params=clip_record.Params(), ctx=g.ctx), name)
 
 
 def dataset(g: Graph, origin: Origin, p: Settings) -> None:

@@ -12,10 +12,10 @@ from typing import Any, NamedTuple
 
 from afford.grasping.evaluate.recipes import NO_NEGATIVE, POSITIVE, POSITIVE_TRUTH, ROWS, STUDENT, STUDENTS, TEACHER, planned_runs
 from afford.grasping.hand.assets import shadow_files
-from maps import surface, twohands
+from maps import extraction, surface, twohands
 from maps.common import parameters, record_run, recorded, reported, weights
 from maps.settings import Origin, Settings
-from maps.synthetic import stills_to_train
+from maps.synthetic import stills_to_train, videos
 from runner import Graph
 from schemas.episodes import ClipsFollowed, GraspEpisodes, GraspExam, GraspJudgement, TwoTasksShown
 from schemas.files import FileTree
@@ -34,8 +34,10 @@ from stages.grasping import (
     grasp_two_tasks,
     hand_imitation,
     hand_model,
+    hand_motion,
     hand_retarget,
     imitation_evaluate,
+    keypoint_files,
     motion_files,
     motion_read,
     motion_report,
@@ -400,14 +402,44 @@ def control_rates(g: Graph, page: FileTree, episodes: Iterable[tuple[GraspExam, 
                (page, f"control_steps.{engine}"), rate=True)  # fmt: skip
 
 
+class MotionSource(NamedTuple):
+    """Handles of the motions of a source, the stage that made them with its parameters, and the files of a video's motions."""
+
+    motion: HandMotion
+    made: dict[str, Any]
+    files: tuple[FileTree, ...] = ()
+
+
 def motions(g: Graph, origin: Origin, p: Settings) -> None:
-    """Recorded hand motion in the joints of the robot hand, and the clips that were dropped, with reasons."""
+    """Recorded hand motion, or that of a video, in the joints of the robot hand; dropped clips with reasons."""
     hand = robot_hand(g, p)
+    found = video_motions(g, origin, p) if origin.videos else read_motions(g, origin, p)
+    clip = g.named("motion_retarget").add(hand_retarget.run, motion=found.motion, hand=hand, params=p.grasping.motion_retarget)
+    references = g.add(motion_report.run, clips=g.collect(clip), params=p.grasping.motion_report)
+    made = g.add(motion_files.run, references=references, params=motion_files.Params(origin.name), ctx=g.ctx)
+    g.measure(g.publish(made, "motions/{source}", as_="report"))
+    recording = record_motions(g, hand, found.motion, clip, **found.made, hand_retarget=p.grasping.motion_retarget)
+    g.target("motions", made, record_run(g, "motion_files", made), recording, *found.files)
+
+
+def read_motions(g: Graph, origin: Origin, p: Settings) -> MotionSource:
+    """Read recorded hand motion from files."""
     files = origin.motions or FileTree(origin.name, ())
     motion = g.each(g.first(g.add(motion_read.run, files=g.leaf("motions", files), params=p.grasping.motion_read)))
-    clip = g.named("motion_retarget").add(hand_retarget.run, motion=motion, hand=hand, params=p.grasping.motion_retarget)
-    found = g.add(motion_report.run, clips=g.collect(clip), params=p.grasping.motion_report)
-    made = g.add(motion_files.run, references=found, params=motion_files.Params(origin.name), ctx=g.ctx)
-    g.measure(g.publish(made, "motions/{source}", as_="report"))
-    recording = record_motions(g, hand, motion, clip, motion_read=p.grasping.motion_read, hand_retarget=p.grasping.motion_retarget)
-    g.target("motions", made, record_run(g, "motion_files", made), recording)
+    return MotionSource(motion, {"motion_read": p.grasping.motion_read})
+
+
+def video_motions(g: Graph, origin: Origin, p: Settings) -> MotionSource:
+    """Take hand motion from videos, publish it as keypoint files, and record the detected hands of every clip.
+
+    In a video with masks, contacts and names of objects are those of its annotators.
+    """
+    seen = extraction.decode(g, videos(g, origin, p), p)
+    hands = extraction.detect_hands(g, seen, p)
+    clip = g.pick(hands, lambda d: d.clip) if origin.bare else seen.clip
+    found = g.add(hand_motion.run, hands=g.pick(hands, lambda d: d.hands), clip=clip, params=p.grasping.hand_motion)
+    motion = g.each(g.pick(found, lambda v: v.motions))
+    files = g.add(keypoint_files.run, motions=g.collect(motion), remarks=g.collect(g.pick(found, lambda v: v.remarks)),
+                  params=keypoint_files.Params(origin.name), ctx=g.ctx)  # fmt: skip
+    g.publish(files, "keypoints/{source}", as_="keypoints")
+    return MotionSource(motion, {"hand_motion": p.grasping.hand_motion}, (files, extraction.record_hands(g, seen, hands)))

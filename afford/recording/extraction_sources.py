@@ -1,4 +1,4 @@
-"""Recorders of extraction inputs: frames, annotated or detected outlines, narrations."""
+"""Recorders of extraction inputs: frames, annotated outlines, narrations."""
 
 from __future__ import annotations
 
@@ -18,7 +18,6 @@ from afford.common.palette import Colour, colours_of
 from afford.recording.mcap_files import EPOCH_NS, Message, Recording
 from afford.recording.messages import FrameState, NarrationState, channel, image, image_channel, log, stamped, times_of
 from schemas.affordance import FrameLabels
-from schemas.hands import DetectedHands
 from schemas.masks import Entity
 from schemas.video import Annotation, Clip, Frames, KeyFrame, Narration
 
@@ -122,14 +121,6 @@ def _colour(rgb: Colour) -> Color:
 
 def _stamp(part: PointsAnnotation | TextAnnotation, time_ns: int) -> None:
     part.timestamp.seconds, part.timestamp.nanos = divmod(time_ns, 10**9)
-
-
-DETECTED_OUTLINES = "/hand_detect/outlines"
-
-
-def record_detections(value: DetectedHands, frames: Frames) -> Recording:
-    """Outlines of detected hands and the objects they touch: a clip -> /hand_detect/outlines."""
-    return Recording((channel(DETECTED_OUTLINES, ImageAnnotations),), list(outlines(value.clip, frames, DETECTED_OUTLINES)))
 
 
 NARRATION, NARRATION_LOG = "/narration", "/narration/log"

@@ -8,10 +8,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from afford.recording.messages import CAMERA
 from afford.recording.summary import Summary
+from schemas.hand import FINGERS
 from schemas.interaction import AFFORDANCES
 
-FRAME, OUTLINES = "/frame_decode/image", ("/source_read/outlines", "/hand_detect/outlines")
+FRAME, OUTLINES = "/frame_decode/image", ("/source_read/outlines", "/hand_detect/outlines", "/hand_detect/keypoints")
+HAND_BONES = "/hand_detect/bones"
 OVERLAID = ("/mask_densify/overlay", "/hand_inpaint/image", "/object_completion/overlay", "/affordance/overlay",
             "/sample_assemble/image")  # fmt: skip
 """pictures of a clip that are shown next to the frame, whose panel also has the outlines of key frames"""
@@ -21,7 +24,8 @@ CURVES = {"affordance.v1.MaskState": "confidence", "affordance.v1.InpaintState":
           "affordance.v1.AffordanceState": "quality"}  # fmt: skip
 """message -> its plotted field"""
 IN_PANELS = {"affordance.v1.GraspState": ("goal_m", "height_m"), "affordance.v1.GraspForce": ("thumb_n", "index_n", "middle_n"),
-             "affordance.v1.ActionState": AFFORDANCES}  # fmt: skip
+             "affordance.v1.ActionState": AFFORDANCES,
+             "affordance.v1.HandState": ("confidence", "palm_m", *(f"{one}_contact" for one in FINGERS))}  # fmt: skip
 """message of grasps and interactions -> its plotted fields, a panel for each message"""
 IN_SPACE = ("foxglove.SceneUpdate", "foxglove.PointCloud")
 PICTURES_SHARE = 66.0
@@ -68,7 +72,9 @@ def _panels(topics: Mapping[str, str]) -> Panels:
 
 
 def _space(topics: Mapping[str, str]) -> Panels:
-    """3-D panel of moving frames: meshes if the recording has them, otherwise points."""
+    """3-D panel of moving frames, with meshes if the recording has them, otherwise points; or of hands before the camera."""
+    if HAND_BONES in topics:
+        return {"3D!space": {"foxglovePanelTitle": "hands", "followTf": CAMERA, "topics": {HAND_BONES: {"visible": True}}}}
     found = [topic for schema in IN_SPACE for topic, kind in topics.items() if kind == schema]
     if "foxglove.FrameTransforms" not in topics.values() or not found:
         return {}

@@ -39,6 +39,8 @@ MESSAGES = {
                   "entering": "bool", "leaving": "bool", "source_frame": "int64", "distance_frames": "double"},
     "Contact": {"frame": "int64", "left": "string", "right": "string", "left_distance_frames": "double",
                 "right_distance_frames": "double"},
+    "HandState": {"frame": "int64", "seen": "bool", "confidence": "double", "palm_m": "double",
+                  **{f"{one}_contact": "double" for one in FINGERS}},
     "InpaintState": {"frame": "int64", "replaced_px": "double", "confidence": "double", "background_px": "double",
                      "object_px": "double", "spatial_px": "double"},
     "CompleteState": {"frame": "int64", "confidence": "double", "area_px": "double"},
@@ -81,7 +83,7 @@ def message_class(name: str) -> Any:
 
 
 FrameState, MaskState, Contact = message_class("FrameState"), message_class("MaskState"), message_class("Contact")
-InpaintState = message_class("InpaintState")
+HandState, InpaintState = message_class("HandState"), message_class("InpaintState")
 CompleteState, AffordanceState = message_class("CompleteState"), message_class("AffordanceState")
 NarrationState, SampleState, Document = message_class("Narration"), message_class("SampleState"), message_class("Document")
 Scalar = message_class("Scalar")

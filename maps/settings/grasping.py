@@ -14,6 +14,7 @@ from stages.grasping import (
     grasp_two_tasks,
     hand_imitation,
     hand_model,
+    hand_motion,
     hand_retarget,
     imitation_evaluate,
     motion_read,
@@ -47,6 +48,7 @@ class Grasping:
     motion_synthesise: motion_synthesise.Params = MOTION
     hand_retarget: hand_retarget.Params = FITTED
     motion_read: motion_read.Params = motion_read.Params()
+    hand_motion: hand_motion.Params = hand_motion.Params()
     motion_retarget: Retarget = RECORDED
     motion_report: motion_report.Params = motion_report.Params()
     hand_imitation: hand_imitation.Params = hand_imitation.Params()

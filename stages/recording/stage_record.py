@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 from schemas.affordance import Affordances, FrameLabels, Samples
 from schemas.files import FileTree
+from schemas.hands import DetectedHands
 from schemas.masks import CompleteObjects, Tracks
 from schemas.spec import Context
 from schemas.video import Clip, Frames, Inpainted
@@ -24,7 +25,7 @@ MEMORY_GIB = 1.0
 
 STAGES = {
     "source_read": "afford.recording.extraction_sources:record_clip",
-    "hand_detect": "afford.recording.extraction_sources:record_detections",
+    "hand_detect": "afford.recording.hands:record_detections",
     "frame_decode": "afford.recording.extraction_sources:record_frames",
     "mask_densify": "afford.recording.extraction_results:record_tracks",
     "hand_inpaint": "afford.recording.extraction_results:record_inpainted",
@@ -34,7 +35,7 @@ STAGES = {
     "sample_assemble": "afford.recording.extraction_results:record_samples",
 }
 
-Recorded = Clip | Frames | Tracks | Inpainted | CompleteObjects | Affordances | FrameLabels | Samples
+Recorded = Clip | DetectedHands | Frames | Tracks | Inpainted | CompleteObjects | Affordances | FrameLabels | Samples
 
 
 @dataclass(frozen=True)

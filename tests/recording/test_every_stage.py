@@ -47,6 +47,8 @@ EXCEPTIONS: dict[str, str] = {
     "object_solids": "its hulls are /grasp_evaluate/scene of grasp_record",
     "grasp_tasks_predicted": "the points that it puts into tasks are those of object_record and positive_record",
     "grasp_targets": "the poses that motions grasp: /motion_synthesise/object of motion_record",
+    "hand_landmarks": "keypoints of the hands that remain are those of hand_detect",
+    "keypoint_files": "the motions are those of motion_record, as files",
     "motion_report": "the verdict on each clip is in the log of motion_record",
 }
 """stage -> why it has no recorder of its own"""
@@ -58,7 +60,7 @@ def settings() -> Settings:
     """Settings with everything that adds stages to a graph."""
     usual = Settings()
     judge = usual.grasping.grasp_judge
-    return usual.with_stages(
+    return replace(usual, weights=(("hand_landmarks", FileTree("a", ())),)).with_stages(
         hand_detect=replace(usual.extraction.hand_detect, backend="network"),
         sor3d_report=replace(usual.rgbd.sor3d_report, pretrained=True),
         grasp_judge=replace(judge, backend="endpoint", endpoint=replace(judge.endpoint, url="http://localhost")),
@@ -73,6 +75,7 @@ def graphs() -> Iterator[tuple[str, Graph]]:
             yield target, build(target, origin(target, None, Settings(), lambda path: "")[0], chosen)
     for target, place in {
         "recordings": Origin("v", videos=(RenderedClip(none, none, none),), bare=True),
+        "motions": Origin("v", videos=(RenderedClip(none, none, none),), bare=True),
         "negative-affordance": Origin("m", meshes=(none,)), "sor3d": Origin("s", sequences=(none,), actions=none),
         "static-sets": Origin("p", pictures=none)}.items():  # fmt: skip
         yield target, build(target, place, chosen)
