@@ -17,6 +17,7 @@ from PIL import Image, ImageDraw, ImageFont
 from afford.common.drawing import TILE_BACKGROUND, TILE_INK, TILE_W, pad_tile, title_row, write_page
 from afford.recording.extraction_results import AFFORDANCE, COMPLETION_OVERLAY, INPAINTED, TRACKS_OVERLAY
 from afford.recording.extraction_sources import FRAME_IMAGE, FRAME_STATE, NARRATION
+from afford.recording.hands import KEYPOINTS
 from afford.recording.interactions import interaction_strips, is_interaction
 from afford.recording.moments import Moment, moments, tile_of
 from afford.recording.strips import grasp_strips, is_grasp, is_object, object_strips, picture_strips
@@ -32,7 +33,11 @@ COLUMNS = (
     ("affordance", f"{INPAINTED}/image", f"{AFFORDANCE}/overlay"),
 )
 """title, picture, overlay"""
+KEYPOINT_COLUMN = 1
+"""column on which keypoints of detected hands are drawn"""
 STATE = f"{AFFORDANCE}/state"
+KEYPOINTS_NEAR_NS = 100_000_000
+"""largest distance in time of keypoints that are drawn on a frame"""
 Strips = Callable[[Path], list[np.ndarray]]
 OWN_STRIPS: tuple[tuple[Callable[[Path], bool], Strips], ...] = (
     (is_object, object_strips),
@@ -48,7 +53,7 @@ def write_sheet(paths: Sequence[Path], out: Path, rows: int = 8) -> None:
         if own := [path for path in paths if is_one(path)]:
             return write_page(out, [strip for path in own for strip in strips_of(path)])
     each = max(1, rows // len(paths))
-    found = [(path, moment) for path in paths for moment in _chosen(path, each)]
+    found = [(path, moment) for path in paths for moment in _with_keypoints(path, _chosen(path, each))]
     if not found and (strips := [strip for path in paths for strip in picture_strips(path)]):
         return write_page(out, strips)
     if not found:
@@ -66,8 +71,36 @@ def _chosen(path: Path, rows: int) -> list[Moment]:
     return list(moments(path, times_ns=picked))
 
 
+def _with_keypoints(path: Path, chosen: list[Moment]) -> list[Moment]:
+    """Add the keypoints of detected hands that are nearest in time to each moment, since these are of sampled frames."""
+    drawn = {moment.time_ns: moment.values[KEYPOINTS] for moment in moments(path, [KEYPOINTS])}
+    for moment in chosen:
+        near = min(drawn, key=lambda time_ns: abs(time_ns - moment.time_ns), default=None)
+        if near is not None and abs(near - moment.time_ns) <= KEYPOINTS_NEAR_NS:
+            moment.values[KEYPOINTS] = drawn[near]
+    return chosen
+
+
+def _draw_keypoints(tile: np.ndarray, moment: Moment) -> np.ndarray:
+    """Draw the bones of detected hands on the tile (h, TILE_W, 3) of a frame."""
+    drawn, picture = moment.one(KEYPOINTS), moment.picture(FRAME_IMAGE)
+    if drawn is None or picture is None:
+        return tile
+    page, scale = Image.fromarray(tile), TILE_W / picture.shape[1]
+    pen = ImageDraw.Draw(page, "RGBA")
+    for part in drawn.points:
+        if part.type == part.LINE_STRIP:
+            colour = part.outline_color
+            pen.line([(point.x * scale, point.y * scale) for point in part.points], width=2,
+                     fill=tuple(round(255 * one) for one in (colour.r, colour.g, colour.b, colour.a)))  # fmt: skip
+    return np.asarray(page)
+
+
 def _row(name: str, moment: Moment) -> np.ndarray:
     tiles = [tile_of(moment, picture, overlay) for _, picture, overlay in COLUMNS]
+    frame = tiles[KEYPOINT_COLUMN]
+    if frame is not None:
+        tiles[KEYPOINT_COLUMN] = _draw_keypoints(frame, moment)
     height = max(tile.shape[0] for tile in tiles if tile is not None)
     blank = np.full((height, TILE_W, 3), TILE_BACKGROUND, np.uint8)
     shown = [blank if tile is None else tile for tile in tiles] + [_text_tile(name, moment, height)]

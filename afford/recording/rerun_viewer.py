@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from mcap.reader import make_reader
 
 from afford.recording.extraction_results import AFFORDANCE, COMPLETION_OVERLAY, INPAINTED, TRACKS, TRACKS_OVERLAY
 from afford.recording.extraction_sources import FRAME_IMAGE, FRAME_STATE, NARRATION, NARRATION_LOG
+from afford.recording.hands import HAND_BONES, KEYPOINTS
 from afford.recording.interactions import ACTION, ATTENTION, CONFIDENT, DEPTH, FLOW, FRAME, LIKELIEST, LOG, TRUTH, is_interaction
 from afford.recording.moments import Moment, moments
 from afford.recording.rerun_grasps import grasp_blueprint, log_grasps
@@ -52,7 +54,7 @@ def _made_for(path: Path) -> tuple[Callable[[], rrb.Blueprint], Callable[[Path, 
     """Layout and logging function of a clip, of grasps, or of an interaction."""
     if is_interaction(path):
         return interaction_blueprint, log_interaction
-    return (grasp_blueprint, log_grasps) if is_grasp(path) else (_layout, _log)
+    return (grasp_blueprint, log_grasps) if is_grasp(path) else (partial(_layout, HAND_BONES in _topics(path)), _log)
 
 
 def _stream(path: Path) -> rr.RecordingStream:
@@ -61,13 +63,15 @@ def _stream(path: Path) -> rr.RecordingStream:
     return stream
 
 
-def _layout() -> rrb.Blueprint:
+def _layout(hands: bool) -> rrb.Blueprint:
+    """Layout of a clip, with a view of detected hands in space where there are any."""
     clean, unit = "/clean/image", rrb.ScalarAxis(range=(0.0, 1.05))
     pictures = rrb.Grid(
         rrb.Spatial2DView(origin="/frame", name="hands and objects"),
         rrb.Spatial2DView(origin="/clean", name="hands removed"),
         rrb.Spatial2DView(origin="/objects", contents=["$origin/**", clean], name="complete objects"),
         rrb.Spatial2DView(origin="/affordance", contents=["$origin/**", clean], name="affordance"),
+        *([rrb.Spatial3DView(origin="/hands", name="hands in space")] if hands else []),
         grid_columns=2,
     )
     words = rrb.Vertical(
@@ -95,9 +99,16 @@ def _log(path: Path, stream: rr.RecordingStream) -> None:
         if state is not None:
             stream.set_time("frame", sequence=state.frame)
         _log_pictures(moment, stream, named)
+        _log_hands(moment, stream)
         _task(moment, stream)
         for name, number in _numbers(moment):
             stream.log(f"plots/{name}", rr.Scalars(number))
+
+
+def _topics(path: Path) -> set[str]:
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    return {channel.topic for channel in summary.channels.values()} if summary else set()
 
 
 def _palettes(path: Path) -> dict[str, dict[str, list[int]]]:
@@ -118,6 +129,32 @@ def _log_pictures(moment: Moment, stream: rr.RecordingStream, named: dict[str, l
         labels = _labels(moment, topic, named.get(topic, []))
         if labels is not None:
             stream.log(place, rr.SegmentationImage(labels, opacity=0.6, draw_order=10.0))
+
+
+def _log_hands(moment: Moment, stream: rr.RecordingStream) -> None:
+    """Keypoints of detected hands: lines and points on the frame, lines in space."""
+    drawn, bones = moment.one(KEYPOINTS), moment.one(HAND_BONES)
+    if drawn is not None:
+        lines = [part for part in drawn.points if part.type == part.LINE_STRIP]
+        dots = [part for part in drawn.points if part.type == part.POINTS]
+        stream.log("frame/bones", rr.LineStrips2D([_corners(part.points) for part in lines], draw_order=20.0,
+                                                  colors=[_rgba(part.outline_color) for part in lines]))  # fmt: skip
+        stream.log("frame/keypoints", rr.Points2D([corner for part in dots for corner in _corners(part.points)], draw_order=21.0,
+                                                  colors=[_rgba(one) for part in dots for one in part.outline_colors],
+                                                  radii=[part.thickness / 2 for part in dots for _ in part.points]))  # fmt: skip
+    if bones is not None:
+        lines = [line for hand in bones.entities for line in hand.lines]
+        stream.log("hands", rr.LineStrips3D([[(p.x, p.y, p.z) for p in line.points] for line in lines],
+                                            colors=[_rgba(line.color) for line in lines]))  # fmt: skip
+
+
+def _corners(points: Any) -> list[tuple[float, float]]:
+    return [(point.x, point.y) for point in points]
+
+
+def _rgba(colour: Any) -> tuple[int, int, int, int]:
+    r, g, b, a = (round(255 * part) for part in (colour.r, colour.g, colour.b, colour.a))
+    return r, g, b, a
 
 
 def _labels(moment: Moment, overlay: str, words: list[str]) -> np.ndarray | None:

@@ -2,8 +2,8 @@
 
 Reads   HandTracks; Clip with key frames, whose contacts name the touched objects
 Writes  VideoMotions: one HandMotion for each uninterrupted run of a hand; remarks on what was left out
-Method  runs of confident keypoints; short gaps are interpolated (monotone cubic); even resampling; the camera's axes turned by an
-        assumed pitch, the lowest keypoint at z = 0; phases from contact, aperture and height
+Method  runs of confident, possible poses; short gaps are interpolated (monotone cubic); even resampling; the camera's axes turned
+        by an assumed pitch, the lowest keypoint at z = 0; phases from contact, aperture and height
 Fails   ValueError for a parameter out of range. A clip without usable runs gives no motion and a remark
 Paper   AffordDex, HTI: human hand trajectories; the paper takes them from recordings with known cameras
 """
@@ -32,6 +32,8 @@ class Params:
     """longest time without keypoints within one motion; it is interpolated"""
     min_confidence: float = 0.3
     """least mean confidence of the keypoints of a frame"""
+    max_bent_back_m: float = 0.02
+    """largest mean distance of fingertips behind the back of the hand in a frame; beyond it the pose is wrong"""
     min_contact: float = 0.5
     """probability from which a finger touches the object"""
     key_s: float = 0.5

@@ -85,7 +85,7 @@ def test_exact_projections_are_recovered():
 def test_distances_scale_with_the_assumed_hand():
     truth, model = views(10, 2)
     args = project(truth), model, np.ones(10), np.arange(10) / 10, K
-    small, large = lift(*args, Lifting()), lift(*args, replace(Lifting(), hand_m=0.38, acceleration_m_s2=8.0, noise_pose_m=0.008))
+    small, large = lift(*args, Lifting()), lift(*args, replace(Lifting(), hand_m=0.38, acceleration_m_s2=4.0, noise_pose_m=0.03))
     np.testing.assert_allclose(large, 2 * small, rtol=1e-4, atol=1e-5)
 
 

@@ -137,7 +137,7 @@ def test_a_forearm_runs_from_the_wrist_out_of_the_picture() -> None:
     y, x = np.mgrid[:HEIGHT, :WIDTH]
     arm = (abs(x - 110 - 0.6 * (y - 60)) < 9) & (y > 72)
     fore[arm] = 1
-    strip = forearms([hand], [None], [None], [fore], False)[0]
+    strip = forearms([hand], [None], [None], [fore], (1, 1))[0]
     assert (strip & arm).sum() > 0.85 * arm.sum() and not strip[:50].any()
 
 

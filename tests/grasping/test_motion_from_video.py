@@ -124,12 +124,24 @@ def test_unsure_runs_become_remarks():
     assert motions(replace(hands, confidence=0 * brief, seen=np.zeros((2, FRAMES), bool))).remarks.texts == ()
 
 
+def test_frames_with_fingers_that_bend_backwards_are_gaps():
+    """A reflection in depth bends the fingers backwards; three such frames are interpolated, a whole run is no motion."""
+    hands, wrong = tracks(grasp()), np.array([1, 1, -1], np.float32)
+    whole = motions(hands, rate_hz=FPS).motions[0].keypoints_m
+    some, every = hands.keypoints_m.copy(), hands.keypoints_m * wrong
+    some[1, 34:37] *= wrong
+    (bridged,) = motions(replace(hands, keypoints_m=some), rate_hz=FPS).motions
+    np.testing.assert_allclose(bridged.keypoints_m, whole, atol=0.01)
+    found = motions(replace(hands, keypoints_m=every))
+    assert all(len(one.keypoints_m) < 40 for one in found.motions) and found.remarks.texts
+
+
 def test_both_hands_share_one_world():
-    right, left = tracks(grasp(), 1), tracks(grasp() + [0.2, 0, 0.1], 0)
+    right, left = tracks(grasp(), 1), tracks(grasp() * [-1, 1, 1] + [0.2, 0, 0.1], 0)
     both = replace(right, confidence=right.confidence + left.confidence, keypoints_m=right.keypoints_m + left.keypoints_m)
     one, other = motions(both).motions
     assert (one.side, other.side) == ("left", "right")
-    apart = one.keypoints_m - other.keypoints_m
+    apart = one.keypoints_m - other.keypoints_m * [-1, 1, 1]
     np.testing.assert_allclose(apart, np.broadcast_to([0.2, 0, 0.1], apart.shape), atol=1e-5)
 
 

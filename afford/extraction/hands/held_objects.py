@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from afford.common.masks import dilate
+from afford.common.masks import dilate, erode
 from afford.extraction.hands.grip import Keypoints, finger_contact, grip_ring
 from afford.extraction.hands.motion import SampledFrames, same_colour
 from afford.extraction.hands.object_evidence import EvidenceModel, HandMasks, all_hands, object_odds
@@ -19,8 +19,8 @@ from schemas.video import SIDES, Hand
 NOTHING = -1
 LIKELY = 3.0
 """mean log odds from which a piece apart from the hand may belong to its object"""
-PIECE_PX, JOIN_PX, OPENING_PX = 30, 10, 3
-"""least area of a piece; largest gap between pieces of an object; narrower bridges are cut"""
+PIECE_PX, JOIN_PX, OPENING_PX, CLOSING_PX = 30, 10, 3, 5
+"""least area of a piece; largest gap between pieces of an object; narrower bridges are cut, and narrower gaps are closed"""
 LEAST_OVERLAP_PX, SHARE = 8, 0.15
 """least overlap of a piece with the surroundings of a hand, and its share of the largest overlap with any hand"""
 ARM_PX, SLEEVE = 3, 1.0
@@ -87,10 +87,11 @@ def _held(
     if not skin.any():
         return {}
     far = cv2.distanceTransform((~skin).astype(np.uint8), cv2.DIST_L2, 3) > evidence.far_px
-    found = components(segment_grabcut(odds, sampled.rgb[k], skin | arms | far), PIECE_PX, OPENING_PX)
     rings = {side: grip_ring(hands[side][k], keypoints[side].at(k) if side in keypoints else None, model.ring_px)
              for side in SIDES if k in hands[side]}  # fmt: skip
-    pieces = [piece for piece in found if not _sleeve(piece, arms, rings)]
+    foreground = segment_grabcut(odds, sampled.rgb[k], skin | arms | far)
+    free = _without_sleeves(foreground, arms, np.any(list(rings.values()), axis=0), sampled.rgb[k])
+    pieces = [piece for piece in components(free, PIECE_PX, OPENING_PX) if not _sleeve(piece, arms, rings)]
     overlap = [{side: int((ring & piece).sum()) for side, ring in rings.items()} for piece in pieces]
     apart = [piece for piece, at in zip(pieces, overlap, strict=True)
              if max(at.values()) < LEAST_OVERLAP_PX and odds[piece].mean() > LIKELY]  # fmt: skip
@@ -99,10 +100,24 @@ def _held(
         mine = [piece for piece, at in zip(pieces, overlap, strict=True)
                 if at[side] >= max(LEAST_OVERLAP_PX, SHARE * max(at.values()))]  # fmt: skip
         if mine:
-            whole = fill_holes(_joined(mine, apart), skin)
+            joined = _joined(mine, apart)
+            closed = erode(dilate(joined, CLOSING_PX), CLOSING_PX) & ~skin & ~arms
+            whole = fill_holes(joined | closed, skin)
             if model.least_px <= whole.sum() <= LARGEST * whole.size:
                 out[side] = whole
     return out
+
+
+def _without_sleeves(foreground: np.ndarray, arms: np.ndarray, ring: np.ndarray, rgb: np.ndarray) -> np.ndarray:
+    """Remove the parts of the foreground (h, w) bool that belong to forearms rather than to the grip, by watershed."""
+    grip, arm = foreground & ring & ~dilate(arms, ARM_PX), arms & dilate(foreground, ARM_PX)
+    if not (grip.any() and arm.any()):
+        return foreground
+    markers = np.ones(foreground.shape, np.int32)
+    markers[foreground] = 0
+    markers[arm], markers[grip] = 2, 3
+    flooded = cv2.watershed(np.ascontiguousarray(rgb), markers)
+    return foreground & (flooded != 2)
 
 
 def _sleeve(piece: np.ndarray, arms: np.ndarray, rings: Mapping[Hand, np.ndarray]) -> bool:

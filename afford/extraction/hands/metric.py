@@ -19,6 +19,8 @@ BONES = np.array([[0.197, 0.200, 0.185, 0.158], [0.462, 0.245, 0.143, 0.097], [0
 knuckles and thumb as keypoint trackers place them"""
 ROUNDS = 8
 """iterations of the robust placement"""
+REFINEMENTS = 2
+"""times that the shape of a placed hand is fitted to its image"""
 OUTLIER = 3.0
 """residual, in median residuals, beyond which a keypoint loses weight"""
 LEAST_M = 0.05
@@ -33,11 +35,11 @@ class Lifting:
     """assumed length of the hand, from the wrist to the tip of the middle finger; all distances are proportional to it"""
     noise_px: float = 0.01
     """standard deviation of the position of a hand in the image, as a share of its size there"""
-    noise_depth: float = 0.04
+    noise_depth: float = 0.1
     """standard deviation of the distance from the camera in one frame, as a share of it"""
-    noise_pose_m: float = 0.004
+    noise_pose_m: float = 0.015
     """standard deviation of keypoints relative to the hand's centre"""
-    acceleration_m_s2: float = 4.0
+    acceleration_m_s2: float = 2.0
     """standard deviation of the acceleration of a hand; 0 switches smoothing off"""
     gap_s: float = 0.35
     """longest time without keypoints within one smoothed run"""
@@ -75,6 +77,9 @@ def lift(keypoints_px: np.ndarray, keypoints_m: np.ndarray, confidence: np.ndarr
     rays = _rays(keypoints_px[shown], K)
     shape = _with_lengths(_facing(keypoints_m[shown].astype(float), rays, weight), params.hand_m * BONES)
     place = _place(shape, rays, weight)
+    for _ in range(REFINEMENTS):
+        shape = _with_lengths(_onto_rays(shape + place[:, None], rays, weight), params.hand_m * BONES)
+        place = _place(shape, rays, weight)
     for run in _runs(time_s[shown], params.gap_s):
         out[shown[run]] = _smoothed(shape[run], place[run], weight[run], time_s[shown[run]], K, params)
     return out
@@ -144,14 +149,33 @@ def _with_lengths(shape: np.ndarray, lengths: np.ndarray) -> np.ndarray:
 
 def _place(shape: np.ndarray, rays: np.ndarray, weight: np.ndarray) -> np.ndarray:
     """Compute the translation (t, 3) that projects keypoints (t, 21, 3) onto rays (t, 21, 2) with the least robust error."""
-    robust = weight.copy()
+    robust = weight
     for _ in range(ROUNDS):
         place = _least_squares(shape, rays, robust)
-        seen = shape + place[:, None]
-        error = np.linalg.norm(seen[..., :2] - rays * seen[..., 2:], axis=-1)
-        limit = OUTLIER * np.maximum(np.median(error, axis=1, keepdims=True), 1e-9)
-        robust = weight * limit / np.maximum(error, limit)
+        robust = weight * _inliers(_beside(shape + place[:, None], rays))
     return place
+
+
+def _onto_rays(placed: np.ndarray, rays: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Move placed keypoints (t, 21, 3) sideways onto their rays; outliers and keypoints of weight 0 move less."""
+    beside = _beside(placed, rays)
+    share = _inliers(beside) * (weight > 0)
+    moved: np.ndarray = placed - np.concatenate([beside * share[..., None], np.zeros_like(beside[..., :1])], axis=-1)
+    return moved
+
+
+def _beside(placed: np.ndarray, rays: np.ndarray) -> np.ndarray:
+    """Return the offsets (t, 21, 2), in metres, of placed keypoints from their rays at the same depth."""
+    offsets: np.ndarray = placed[..., :2] - rays * placed[..., 2:]
+    return offsets
+
+
+def _inliers(beside: np.ndarray) -> np.ndarray:
+    """Return a weight (t, 21) of 1 that falls for keypoints farther from their rays than others."""
+    error = np.linalg.norm(beside, axis=-1)
+    limit = OUTLIER * np.maximum(np.median(error, axis=1, keepdims=True), 1e-9)
+    weight: np.ndarray = limit / np.maximum(error, limit)
+    return weight
 
 
 def _least_squares(shape: np.ndarray, rays: np.ndarray, weight: np.ndarray) -> np.ndarray:

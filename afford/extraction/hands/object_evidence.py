@@ -84,7 +84,8 @@ def _arms(background: StillBackground, run: range, hands: HandMasks, keypoints: 
     fore = [cv2.resize(found.both, size) for found in (background.unexplained(i, ARM_OFFSETS) for i in range(len(run)))]
     masks = [[hands[side].get(k) for k in run] for side in SIDES]
     points = [[keypoints[side].at(k) if side in keypoints else None for k in run] for side in SIDES]
-    sides = [forearms(masks[i], points[i], masks[1 - i], fore, facing) for i in range(2)]
+    sign = -1 if facing else 1
+    sides = [forearms(masks[i], points[i], masks[1 - i], fore, (sign * (2 * i - 1), sign)) for i in range(2)]
     return [left | right for left, right in zip(*sides, strict=True)]
 
 

@@ -82,8 +82,14 @@ def check_fit(error_m: np.ndarray, joint_rad_s: float, palm_m_s: float, beyond: 
 
 def bent_back(points: np.ndarray, side: str) -> float:
     """Return the median distance of the four fingertips behind the back of the hand, for (t, 21, 3); negative when curled."""
+    return float(np.median(behind_back(points, side)))
+
+
+def behind_back(points: np.ndarray, side: str) -> np.ndarray:
+    """Return the distances (t, 4) of the fingertips behind the back of the hand, for (t, 21, 3); negative when curled."""
     fingers = points[:, [8, 12, 16, 20]] - points[:, [5, 9, 13, 17]]
-    return float(np.median(np.einsum("tfc,tc->tf", fingers, grip_axes(points, side)[:, :, 1])))
+    behind: np.ndarray = np.einsum("tfc,tc->tf", fingers, grip_axes(points, side)[:, :, 1])
+    return behind
 
 
 def bone_changes(points: np.ndarray) -> float:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
+from afford.grasping.motion.clip_rules import behind_back
 from schemas.hand import PHASES, HandMotion
 from schemas.hands import HandTracks, MotionRemarks, VideoMotions
 from schemas.video import NOT_IN_CONTACT, SIDES, UNKNOWN_CONTACT, Annotation, Clip, Hand
@@ -34,6 +35,7 @@ class VideoMotionOptions:
     min_s: float
     max_gap_s: float
     min_confidence: float
+    max_bent_back_m: float
     min_contact: float
     key_s: float
     pitch_deg: float
@@ -89,8 +91,9 @@ def phases(points: np.ndarray, touch: np.ndarray, rate_hz: float, options: Video
 
 
 def _runs(hands: HandTracks, row: int, options: VideoMotionOptions) -> list[np.ndarray]:
-    """Return the frames of each uninterrupted run of one hand."""
-    sure = np.flatnonzero(hands.confidence[row].mean(axis=1) >= options.min_confidence)
+    """Return the frames of each uninterrupted run of one hand. Frames with fingers that bend backwards are left out."""
+    possible = behind_back(hands.keypoints_m[row].astype(float), SIDES[row]).mean(axis=1) <= options.max_bent_back_m
+    sure = np.flatnonzero(possible & (hands.confidence[row].mean(axis=1) >= options.min_confidence))
     gaps = np.diff(hands.time_ns[sure]) > options.max_gap_s * 1e9
     return [run for run in np.split(sure, np.flatnonzero(gaps) + 1) if len(run)]
 
@@ -110,7 +113,8 @@ def _remarks(hands: HandTracks, side: Hand, parts: Parts, long: Parts, options: 
     if not shown and not some:
         return []
     if not runs:
-        why = f"the confidence of its keypoints is below {options.min_confidence:g}" if some else "it has no landmarks"
+        why = (f"the confidence of its keypoints is below {options.min_confidence:g}, or its fingers bend backwards" if some else
+               "it has no landmarks")
         return [f"no motion of the {side} hand, which is in {max(shown, some)} frames: {why}"]
     if len(runs) == len(kept):
         return []

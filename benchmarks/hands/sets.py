@@ -1,0 +1,35 @@
+"""Sets of composite clips: specifications by set name, of increasing difficulty, with everything drawn from one seed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from benchmarks.hands.pasted import CompositeSpec, gloved
+
+SCRIPTS = (("pour", "kitchen"), ("carry", "kitchen"), ("stir", "kitchen"), ("carry_both", "kitchen"), ("hammer", "workshop"),
+           ("hand_over", "kitchen"), ("tidy_desk", "desk"), ("cut", "kitchen"), ("screw", "workshop"), ("open_jar", "kitchen"),
+           ("carry_two", "kitchen"))  # fmt: skip
+
+
+def composites(seed: int, prefix: str = "c") -> tuple[CompositeSpec, ...]:
+    """Return 20 clips: both viewpoints and backgrounds, moving cameras, small hands, no hand, one hand, gloves, dark, blurred."""
+    kinds: list[dict[str, object]] = [
+        {}, {"viewpoint": "facing"}, {"background": "scene"}, {"viewpoint": "facing", "background": "scene", "zoom": 0.7},
+        {"moving": True}, {"viewpoint": "facing", "zoom": 0.45}, {"background": "scene", "moving": True, "crf": 34},
+        {"viewpoint": "facing", "hidden": ("left",)}, {"hidden": ("left", "right"), "moving": True, "face": True},
+        {"light": 0.28, "background": "scene"}, {"blur": 5, "frames": 24, "moving": True}, {"hidden": ("right",), "zoom": 0.7},
+        {"viewpoint": "facing", "face": True, "moving": True}, {"glove": True}, {"zoom": 1.6, "moving": True},
+        {"viewpoint": "facing", "background": "scene", "hidden": ("left", "right"), "face": True},
+        {"viewpoint": "facing", "light": 0.3}, {"background": "scene", "zoom": 0.6, "moving": True, "face": True},
+        {"viewpoint": "facing", "blur": 4, "frames": 24, "crf": 32}, {"viewpoint": "facing", "background": "scene", "glove": True},
+    ]  # fmt: skip
+    out = []
+    for n, kind in enumerate(kinds):
+        script, setting = SCRIPTS[(n * 3 + n // 11) % len(SCRIPTS)]
+        own = int(np.random.SeedSequence([seed, n]).generate_state(1)[0] >> 1)
+        wears = kind.pop("glove", False)
+        spec = replace(CompositeSpec(f"{prefix}{n + 1:02d}", script, setting, own), **kind)  # type: ignore[arg-type]
+        out.append(gloved(spec) if wears else spec)
+    return tuple(out)
