@@ -31,6 +31,9 @@ def resolve_weights(chosen: Settings, digest: Callable[[Path], str]) -> Settings
         if getattr(params, "backbones", ""):
             found[stage] = _files(f"{stage}.backbones", params.backbones, digest)
             named[stage] = dataclasses.replace(params, backbones=_label(params.backbones))
+        if getattr(params, "photographs", ""):
+            found[stage] = _photographs(f"{stage}.photographs", params.photographs, digest)
+            named[stage] = dataclasses.replace(params, photographs=_label(params.photographs))
         if not (_asked(params) and reads_weights(params)):
             continue
         name, own = params.backend, block(params, params.backend)
@@ -79,6 +82,15 @@ def _landmark_networks(folder: str, digest: Callable[[Path], str]) -> FileTree |
         return landmark_files(digest, folder)
     except ValueError as error:
         raise UsageError(f"hand_landmarks.model: {error}") from error
+
+
+def _photographs(parameter: str, folder: str, digest: Callable[[Path], str]) -> FileTree:
+    from afford.extraction.hands.photographs import photograph_files
+
+    try:
+        return photograph_files(Path(folder).expanduser().absolute(), digest)
+    except ValueError as error:
+        raise UsageError(f"{parameter}: {error}") from error
 
 
 def _label(model: str) -> str:

@@ -122,7 +122,14 @@ def finder(g: Graph, p: Settings) -> Trained:
     """Train the hand finder on rendered rooms; all uses in a graph share one training."""
     room    = g.each(g.add(hand_plan.run,                                                            params=p.extraction.hand_plan))
     lessons = g.add(hand_lessons.run,       room=room,                                params=p.extraction.hand_lessons, ctx=g.ctx)
-    return g.add(hands_train.run,           lessons=g.collect(lessons),               params=p.extraction.hands_train, ctx=g.ctx)
+    files   = {name: g.leaf(f"hands_train_{name}", found) for name, found in _training_files(p).items()}
+    return g.add(hands_train.run,           lessons=g.collect(lessons),      params=p.extraction.hands_train, ctx=g.ctx, **files)
+
+
+def _training_files(p: Settings) -> dict[str, FileTree]:
+    """Photographs of the user and MediaPipe's networks, where there are any."""
+    named = {"photographs": "hands_train", "landmarks": "hand_landmarks"}
+    return {name: files for name, stage in named.items() if (files := dict(p.weights).get(stage))}
 
 
 def assemble(g: Graph, x: Extracted, p: Settings) -> Samples:

@@ -98,7 +98,9 @@ def _draw_keypoints(tile: np.ndarray, moment: Moment) -> np.ndarray:
 
 def _row(name: str, moment: Moment) -> np.ndarray:
     tiles = [tile_of(moment, picture, overlay) for _, picture, overlay in COLUMNS]
-    tiles[KEYPOINT_COLUMN] = None if tiles[KEYPOINT_COLUMN] is None else _draw_keypoints(tiles[KEYPOINT_COLUMN], moment)
+    frame = tiles[KEYPOINT_COLUMN]
+    if frame is not None:
+        tiles[KEYPOINT_COLUMN] = _draw_keypoints(frame, moment)
     height = max(tile.shape[0] for tile in tiles if tile is not None)
     blank = np.full((height, TILE_W, 3), TILE_BACKGROUND, np.uint8)
     shown = [blank if tile is None else tile for tile in tiles] + [_text_tile(name, moment, height)]

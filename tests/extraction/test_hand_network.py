@@ -1,18 +1,24 @@
-"""Hand finder: size of the probabilities, mirrored sides, independence of pictures, input size, exposure, invalid files."""
+"""Hand finder: probabilities, calibration, independence of pictures, input size, exposure, palm encoder, invalid files."""
 
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 import torch
 
 from afford.extraction.hands import network as hand_network
-from afford.extraction.hands.network import GRID, MEAN, HandFinder, HandFinderConfig, input_size, normalise_exposure, segment
+from afford.extraction.hands.model import PALM, HandFinder, HandFinderConfig
+from afford.extraction.hands.network import GRID, MEAN, Calibration, input_size, normalise_exposure, segment
+from afford.extraction.hands.palm_encoder import read_palm_encoder
+from afford.extraction.landmarks import files as landmark_files
 
 TINY = HandFinderConfig(height_px=48, width_px=80, widths=(4, 8, 12))
+PALM_FILE = Path(sys.prefix) / landmark_files.FOLDER / landmark_files.PALM
 
 
 @pytest.fixture
@@ -35,12 +41,13 @@ def test_probabilities_at_the_size_of_the_pictures(model: Path) -> None:
     assert found.min() >= 0 and found.max() <= 1 and found[..., :2].sum(-1).max() <= 1 + 1e-6 and found.std() > 0
 
 
-def test_a_mirrored_picture_has_its_sides_swapped(model: Path) -> None:
-    """Mirroring swaps left and right, because each picture is processed with its mirror image."""
-    seen = pictures(2, TINY.height_px, TINY.width_px)
-    plain, mirrored = segment(seen, model), segment(np.ascontiguousarray(seen[:, :, ::-1]), model)
-    assert np.allclose(mirrored[:, :, ::-1], plain[..., [1, 0, 2, 3]], atol=1e-5)
-    assert not np.allclose(plain[..., 0], plain[..., 1], atol=1e-3)
+def test_calibration_changes_the_probability_of_hands_only(model: Path) -> None:
+    """A lower bias lowers hands; their side, touched objects and sleeves stay."""
+    before = segment(pictures(), model)
+    hand_network.write_network(model.parent, hand_network.read_network(model), "# card\n", Calibration(0.5, -2.0))
+    after = segment(pictures(), model)
+    assert (after[..., :2].sum(-1) < before[..., :2].sum(-1)).all() and np.array_equal(after[..., 2:], before[..., 2:])
+    assert np.allclose(after[..., 0] / after[..., 1], before[..., 0] / before[..., 1], rtol=1e-3)
 
 
 def test_pictures_are_independent_of_their_batch(model: Path) -> None:
@@ -86,6 +93,14 @@ def test_invalid_files_are_refused(model: Path, tmp_path: Path) -> None:
         hand_network.read_network(model)
 
 
+@pytest.mark.parametrize("text", ["{}]", '{"scale": "x"}', '{"scale": 0, "bias": 0}', '{"scale": 1, "bias": NaN}', '{"more": 1}'])
+def test_invalid_calibrations_are_refused(model: Path, text: str) -> None:
+    """Other numbers, names and texts are refused."""
+    (model / "calibration.json").write_text(text)
+    with pytest.raises(ValueError, match="train a finder with hands_train"):
+        hand_network.read_calibration(model)
+
+
 def test_a_changed_model_is_read_again(model: Path) -> None:
     """The cached network is dropped when its files change."""
     before = segment(pictures(), model)
@@ -94,3 +109,34 @@ def test_a_changed_model_is_read_again(model: Path) -> None:
         network.head.bias += 3
     hand_network.write_network(model.parent, network, "# card\n")
     assert not np.allclose(segment(pictures(), model), before)
+
+
+@pytest.mark.skipif(not PALM_FILE.is_file(), reason="set-up has not fetched the palm detector")
+def test_the_palm_encoder_is_the_detector() -> None:
+    """Feature maps at strides 16 and 8 are those in front of the detector's heads, as OpenCV computes them."""
+    picture = np.random.default_rng(0).random((1, 3, 192, 192), np.float32)
+    network = cv2.dnn.readNetFromTFLite(str(PALM_FILE), engine=cv2.dnn.ENGINE_CLASSIC)
+    network.setInput(picture)
+    names = list(network.getLayerNames())
+    heads = [n for n, name in enumerate(names) if "classifier_palm" in name and "BiasAdd" in name]
+    coarse, fine = network.forward([names[n - 1] for n in heads])
+    with torch.no_grad():
+        maps = read_palm_encoder(PALM_FILE).eval()(torch.from_numpy(picture))
+    assert [one.shape[1] for one in maps] == [32, 64, 128, 256]
+    assert np.allclose(maps[3].numpy(), coarse, atol=1e-3) and np.allclose(maps[2].numpy(), fine, atol=1e-3)
+
+
+def test_a_finder_with_the_palm_encoder_is_written_and_read(tmp_path: Path) -> None:
+    """The format names the encoder, which stays frozen and serves pictures of any size."""
+    torch.manual_seed(0)
+    network = HandFinder(HandFinderConfig(height_px=48, width_px=80), PALM)
+    folder = hand_network.write_network(tmp_path, network, "# card\n")
+    assert hand_network.read_network(folder).kind == PALM and segment(pictures(1, 61, 103), folder).shape == (1, 61, 103, 4)
+    assert not any(parameter.requires_grad for parameter in network.encoder.parameters())
+
+
+def test_another_network_is_no_palm_detector(tmp_path: Path) -> None:
+    """The error names the file."""
+    (tmp_path / "palm.tflite").write_bytes(b"no network")
+    with pytest.raises(ValueError, match=r"palm\.tflite: .*make setup"):
+        read_palm_encoder(tmp_path / "palm.tflite")

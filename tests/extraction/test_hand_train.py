@@ -11,7 +11,9 @@ import torch
 
 from afford.extraction.hands import network
 from afford.extraction.hands import train as finder
-from afford.extraction.hands.network import SIDE, HandFinderConfig, segment
+from afford.extraction.hands.augment import Augmentation
+from afford.extraction.hands.model import SIDE, HandFinderConfig
+from afford.extraction.hands.network import segment
 from afford.models.weights import weights_root
 from afford.training.job import Plan
 from afford.training.loop import deterministic, train
@@ -21,11 +23,12 @@ from tests.helpers.made_finder import SMALL_TRAINING, made_up
 from tests.helpers.made_samples import Scratch
 
 TINY = HandFinderConfig(height_px=48, width_px=80, widths=(8, 16, 24))
+MILD = Augmentation(share=(0.45, 1.1), elsewhere=0.4, surfaces=0.0, retoned=0.0, gloved=0.0, faces=0.0)
 LESSONS = (made_up("P71_01", "train"), made_up("P71_02", "train"), made_up("P72_01", "val"))
 
 
 def task(seed: int = 0) -> finder.FinderTask:
-    return finder.make_task(finder.init_model(TINY, 0), LESSONS, seed, 4, (32, 48), 16)
+    return finder.make_task(finder.init_model(TINY, 0), LESSONS, seed, 4, (32, 48), 16, augmentation=MILD)
 
 
 def test_a_batch_is_a_function_of_its_number() -> None:
@@ -72,7 +75,7 @@ def test_the_stage_writes_a_usable_hand_finder(tmp_path: Path) -> None:
     """The stage writes weights, curves, a card and previews."""
     trained = hands_train.run(LESSONS, SMALL_TRAINING, Scratch(tmp_path))
     names = {file.name for file in trained.files.files}
-    assert {"config.json", "model.safetensors", "card.md", "previews/step_0000002.jpg"} <= names
+    assert {"config.json", "model.safetensors", "calibration.json", "card.md", "previews/step_0000002.jpg"} <= names
     assert {"train.hand", "train.side", "train.touched", "train.sleeve", "val.iou", "val.sides", "val.touched_iou",
             "val.sleeve_iou"} <= {curve.name for curve in trained.log.curves}  # fmt: skip
     folder = weights_root(trained.files)

@@ -18,7 +18,7 @@ from safetensors.torch import save_file
 from afford.common.errors import SourceError
 from afford.common.image_files import read_depth, read_image
 from afford.extraction.hands import network as hand_network
-from afford.extraction.hands.network import HandFinder, HandFinderConfig
+from afford.extraction.hands.model import PLAIN, HandFinder, HandFinderConfig
 from afford.grasping.candidates.read_scene import read_mask
 from afford.models.tensor_files import read_tensors
 from afford.rgbd.model import checkpoint
@@ -103,7 +103,7 @@ def write_vgg(folder: Path, zipped: bool) -> Path:
 def write_config(folder: Path) -> Path:
     """A small trained finder of hands."""
     model = HandFinder(HandFinderConfig(16, 16, (2, 3)))
-    described = {"format": hand_network.FORMAT, "height_px": 16, "width_px": 16, "widths": [2, 3]}
+    described = {"format": hand_network.FORMATS[PLAIN], "height_px": 16, "width_px": 16, "widths": [2, 3]}
     (folder / hand_network.CONFIG).write_text(json.dumps(described))
     save_file({name: tensor.contiguous() for name, tensor in model.state_dict().items()}, folder / hand_network.WEIGHTS)
     return folder / hand_network.CONFIG

@@ -1,4 +1,4 @@
-"""Augmentation of rendered pictures of hands: crop, other background, skin-coloured distractors, light, blur, noise, JPEG.
+"""Augmentation of rendered pictures of hands: crop, other background, skin, skin-coloured distractors, light, blur, noise, JPEG.
 
 A network trained on clean renderings fails on real pictures. Augmentation keeps the cues of a hand: its shape, a skin colour, and
 the side at which its arm enters.
@@ -12,12 +12,16 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from afford.common.palette import TONES
-from afford.render.patterns import cloud
+from afford.extraction.hands.distractors import blobs, face, random_colour, retone, skin_colour
 from schemas.scene import LEFT_HAND, REST, RIGHT_HAND
+
+EDGE = 0.03
+"""strip cut off below where a crop is larger than its picture, as a share of the crop; so arms still enter from the border"""
 
 Labelled = tuple[np.ndarray, np.ndarray]
 """picture (h, w, 3) uint8 and its labels (h, w) uint8"""
+Background = Callable[[tuple[int, int], np.random.Generator, "Augmentation"], np.ndarray]
+"""draws a background without hands (h, w, 3) uint8 of a size (height, width)"""
 
 
 @dataclass(frozen=True)
@@ -26,22 +30,34 @@ class Augmentation:
 
     turn_deg: float = 30.0
     """largest rotation"""
-    share: tuple[float, float] = (0.45, 1.1)
-    """range of the width of the crop, as a share of the picture"""
+    share: tuple[float, float] = (0.3, 2.4)
+    """range of the width of the crop, as a share of the picture, log-uniform; beyond 1 another background surrounds the picture"""
     stretch: float = 0.15
     """largest change of the aspect ratio (log)"""
     centred: float = 0.3
     """probability of a crop around a pixel of a hand"""
-    elsewhere: float = 0.4
+    elsewhere: float = 0.55
     """probability of another background behind arms and touched objects"""
-    lookalikes: float = 0.35
+    surfaces: float = 0.6
+    """probability that the other background is a surface or a photograph rather than a rendered room"""
+    photographed: float = 0.7
+    """probability that it is a photograph, where there are any, rather than a surface"""
+    lookalikes: float = 0.3
     """probability of skin-coloured distractors behind the hands"""
+    faces: float = 0.1
+    """probability of a face behind the hands"""
+    retoned: float = 0.3
+    """probability of paler, darker or flatter skin"""
+    gloved: float = 0.06
+    """probability of gloves: hands of any colour"""
     covered: float = 0.12
     """probability of occluders in front of everything"""
     soft: float = 0.35
     """probability of blur, by defocus or by motion"""
     packed: float = 0.5
     """probability of JPEG compression"""
+    smeared: float = 0.3
+    """probability of blurred colour, as in video with one colour sample for four pixels"""
 
 
 def random_crop(one: Labelled, size: tuple[int, int], rng: np.random.Generator,
@@ -67,22 +83,23 @@ def swap_sides(labels: np.ndarray) -> np.ndarray:
     return np.asarray(swap[labels])
 
 
-def augment(one: Labelled, behind: Labelled, size: tuple[int, int], rng: np.random.Generator, d: Augmentation) -> Labelled:
-    """Augment a picture to `size` (height, width); `behind` is a picture without hands for its background."""
+def augment(one: Labelled, behind: Background, size: tuple[int, int], rng: np.random.Generator, d: Augmentation) -> Labelled:
+    """Augment a picture to `size` (height, width); `behind` draws its background."""
     rgb, labels = composite(one, behind, size, rng, d)
     return camera_effects(colour_jitter(rgb, rng), rng, d), labels
 
 
-def composite(one: Labelled, behind: Labelled, size: tuple[int, int], rng: np.random.Generator, d: Augmentation) -> Labelled:
+def composite(one: Labelled, behind: Background, size: tuple[int, int], rng: np.random.Generator, d: Augmentation) -> Labelled:
     """Crop the picture and compose it with background, distractors and occluders."""
     rgb, labels, inside = random_crop(one, size, rng, d)
-    other = random_crop(behind, size, rng, d)[0]
     kept = (labels != REST) if rng.random() < d.elsewhere else inside
-    rgb = _blend(rgb, other, kept)
+    rgb = _blend(retone(rgb, labels, rng, d.retoned, d.gloved), behind(size, rng, d), kept)
     if rng.random() < d.lookalikes:
-        rgb = _blend(rgb, _blobs(rgb, rng, _skin_colour), labels != REST)
+        rgb = _blend(rgb, blobs(rgb, rng, skin_colour), labels != REST)
+    if rng.random() < d.faces:
+        rgb = _blend(rgb, face(rgb, rng), labels != REST)
     if rng.random() < d.covered:
-        before = _blobs(rgb, rng, _random_colour)
+        before = blobs(rgb, rng, random_colour)
         labels = np.where((before != rgb).any(2), REST, labels).astype(np.uint8)
         rgb = before
     return rgb, labels
@@ -90,23 +107,25 @@ def composite(one: Labelled, behind: Labelled, size: tuple[int, int], rng: np.ra
 
 def colour_jitter(rgb: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Jitter exposure, white balance, contrast and saturation."""
-    level = (rgb.astype(np.float32) / 255) ** np.float32(rng.uniform(0.7, 1.4))
-    level *= np.float32(np.exp(rng.normal(-0.1, 0.25))) * np.exp(rng.normal(0, 0.07, 3)).astype(np.float32)
+    level = (rgb.astype(np.float32) / 255) ** np.float32(rng.uniform(0.6, 1.5))
+    level *= np.float32(np.exp(rng.normal(-0.1, 0.3))) * np.exp(rng.normal(0, 0.1, 3)).astype(np.float32)
     grey = level.mean(2, keepdims=True)
     level = grey + (level - grey) * np.float32(rng.uniform(0.6, 1.4))
     middle = np.float32(level.mean())
-    level = middle + (level - middle) * np.float32(rng.uniform(0.7, 1.3))
+    level = middle + (level - middle) * np.float32(rng.uniform(0.5, 1.3))
     return np.asarray(np.clip(level * 255 + 0.5, 0, 255).astype(np.uint8))
 
 
 def camera_effects(rgb: np.ndarray, rng: np.random.Generator, d: Augmentation) -> np.ndarray:
-    """Apply blur, noise and JPEG compression."""
+    """Apply blur, blurred colour, noise and JPEG compression."""
     if rng.random() < d.soft:
         rgb = _motion_blur(rgb, rng) if rng.random() < 0.5 else cv2.GaussianBlur(rgb, (0, 0), float(rng.uniform(0.3, 1.6)))
+    if rng.random() < d.smeared:
+        rgb = _blur_colour(rgb, float(rng.uniform(0.5, 2.5)))
     noise = rng.standard_normal(rgb.shape, np.float32) * np.float32(rng.uniform(0, 6))
     rgb = np.clip(rgb + noise + 0.5, 0, 255).astype(np.uint8)
     if rng.random() < d.packed:
-        packed = cv2.imencode(".jpg", rgb, (cv2.IMWRITE_JPEG_QUALITY, int(rng.integers(20, 90))))[1]
+        packed = cv2.imencode(".jpg", rgb, (cv2.IMWRITE_JPEG_QUALITY, int(rng.integers(10, 90))))[1]
         rgb = np.asarray(cv2.imdecode(packed, cv2.IMREAD_COLOR))
     return rgb
 
@@ -114,15 +133,17 @@ def camera_effects(rgb: np.ndarray, rng: np.random.Generator, d: Augmentation) -
 def _crop_matrix(labels: np.ndarray, size: tuple[int, int], rng: np.random.Generator, d: Augmentation) -> np.ndarray:
     """Matrix (2, 3) from the pixels of a picture to those of its crop."""
     (height, width), (down, across) = labels.shape, size
-    share = rng.uniform(*d.share)
+    share = float(np.exp(rng.uniform(*np.log(d.share))))
     scale = across / (share * width) * np.exp(rng.uniform(-d.stretch, d.stretch, 2) / 2)
-    turn = np.radians(rng.uniform(-d.turn_deg, d.turn_deg))
+    turn = np.radians(rng.uniform(-d.turn_deg, d.turn_deg)) / max(share, 1.0)
     linear = scale[:, None] * np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
     middle = np.array([width, height]) * (0.5 + rng.uniform(-1, 1, 2) * max(1 - share, 0.0) / 2)
     there = np.flatnonzero((labels == LEFT_HAND) | (labels == RIGHT_HAND))
     if len(there) and rng.random() < d.centred:
         row, column = divmod(int(rng.choice(there)), width)
-        middle = np.array([column, row]) + rng.uniform(-0.3, 0.3, 2) * share * width
+        middle = np.array([column, row]) + rng.uniform(-0.3, 0.3, 2) * min(share, 1.0) * width
+    if share > 1:
+        middle[1] = height - (0.5 + EDGE) * down / scale[1]
     return np.c_[linear, np.array([across, down]) / 2 - linear @ middle]
 
 
@@ -132,35 +153,11 @@ def _blend(front: np.ndarray, back: np.ndarray, mask: np.ndarray) -> np.ndarray:
     return (front * weight + back * (1 - weight) + 0.5).astype(np.uint8)
 
 
-def _blobs(rgb: np.ndarray, rng: np.random.Generator, colour: Callable[[np.random.Generator], np.ndarray]) -> np.ndarray:
-    """Paint one to three roundish shaded blobs on the picture."""
-    out = rgb.copy()
-    height, width = rgb.shape[:2]
-    y, x = np.mgrid[0:height, 0:width].astype(np.float32)
-    for _ in range(int(rng.integers(1, 4))):
-        turn = np.sort(rng.uniform(0, 2 * np.pi, int(rng.integers(3, 12))))
-        radius = rng.uniform(0.03, 0.3) * width * rng.uniform(0.4, 1.0, len(turn))
-        centre = rng.uniform(0, 1, 2) * (width, height)
-        outline = centre + np.stack([np.cos(turn) * rng.uniform(0.3, 1.0), np.sin(turn)], 1) * radius[:, None]
-        mask = np.zeros((height, width), np.uint8)
-        cv2.fillPoly(mask, [np.round(outline).astype(np.int32)], 1)
-        mask = cv2.morphologyEx(mask, cv2.MORPH_OPEN, cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (5, 5))) > 0
-        slope = ((x - centre[0]) * rng.normal() + (y - centre[1]) * rng.normal()) / max(float(radius.max()), 1.0)
-        shade = 1 + 0.2 * np.tanh(slope) + 0.15 * (_texture(height, width, rng) - 0.5)
-        out[mask] = np.clip(colour(rng) * shade[mask][:, None], 0, 255).astype(np.uint8)
-    return out
-
-
-def _texture(height: int, width: int, rng: np.random.Generator) -> np.ndarray:
-    return cv2.resize(cloud(rng, 32, float(rng.uniform(0.5, 2.0))), (width, height))
-
-
-def _skin_colour(rng: np.random.Generator) -> np.ndarray:
-    return np.array(TONES[int(rng.integers(len(TONES)))]) * rng.uniform(0.7, 1.25) * rng.uniform(0.92, 1.08, 3)
-
-
-def _random_colour(rng: np.random.Generator) -> np.ndarray:
-    return rng.uniform(0, 255, 3)
+def _blur_colour(rgb: np.ndarray, reach_px: float) -> np.ndarray:
+    """Blur the colour of a picture and keep its brightness."""
+    split = cv2.cvtColor(rgb, cv2.COLOR_RGB2YCrCb)
+    split[..., 1:] = cv2.GaussianBlur(split[..., 1:], (0, 0), reach_px)
+    return np.asarray(cv2.cvtColor(split, cv2.COLOR_YCrCb2RGB))
 
 
 def _motion_blur(rgb: np.ndarray, rng: np.random.Generator) -> np.ndarray:
