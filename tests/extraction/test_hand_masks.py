@@ -47,7 +47,7 @@ def test_a_hand_is_followed_without_landmarks() -> None:
 
 
 def test_two_hands_have_two_sides() -> None:
-    """In the view of a head camera the left hand is on the left; of a person opposite, on the right. Masks do not overlap."""
+    """The left hand is on the left for a head camera, and on the right for a person opposite. Masks do not overlap."""
     for down, viewpoint in ((False, "ego"), (True, "facing")):
         y = 120 if not down else 60
         hands = [MadeHand(still(90, y, COUNT), left=not down, down=down), MadeHand(still(230, y, COUNT), left=down, down=down)]
@@ -80,7 +80,7 @@ def test_a_hand_needs_evidence(hand: MadeHand) -> None:
 
 
 def test_a_third_hand_is_left_out() -> None:
-    """At most two hands at a time, those with most evidence."""
+    """Two hands at a time are kept, those with most evidence."""
     hands = [MadeHand(still(60, 130, COUNT), left=True), MadeHand(still(160, 130, COUNT)),
              MadeHand(still(260, 130, COUNT), presence=0.65)]  # fmt: skip
     found = find(*made_video(hands))

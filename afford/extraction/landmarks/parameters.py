@@ -15,7 +15,7 @@ class Search:
     """frames are scaled down to fit into width_px x height_px, or height_px x width_px"""
     height_px: int = 720
     """see width_px"""
-    min_palm: float = 0.3
+    min_palm: float = 0.2
     """least score of a detected palm"""
     min_presence: float = 0.3
     """least presence of a hand in its region, of those that are kept"""
