@@ -19,12 +19,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 import torch
-from benchmarks.hands.clip_truth import VIDEO, ClipTruth, clips
 
 from afford.common.masks import iou
 from afford.extraction.hands.calibrate import fit_logistic
 from afford.extraction.hands.evidence import NAMES, Evidence, HandRegion, regions
 from afford.extraction.hands.network import segment
+from benchmarks.hands.clip_truth import VIDEO, ClipTruth, clips
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "benchmarks" / "hand_finder.md"

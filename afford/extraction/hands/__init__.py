@@ -43,7 +43,7 @@ class Detection:
     """weight of the hand finder where a hand has landmarks (log odds)"""
     least_found: float = 0.5
     """least probability that a region is a hand, of the regions that only the hand finder detects"""
-    fov_deg: float = 60.0
+    fov_deg: float = 70.0
     """assumed angle of view across the longer side of the picture"""
     hand_m: float = 0.19
     """assumed length of a hand from the wrist to the tip of the middle finger"""
