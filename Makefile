@@ -103,7 +103,7 @@ inspect: $(READY) ## summarise the recordings (RECORDING=PATH)
 	@$(RUN) inspect "$(RECORDING)" $(ARGS)
 
 bench: $(DEV) ## run every benchmark; each writes its own Markdown table
-	@for script in benchmarks/bench_*.py benchmarks/runner/all.py; do echo "$$script"; PYTHONPATH=. $(PY) $$script || exit 1; done
+	@for script in benchmarks/bench_*.py benchmarks/hands/photographs.py benchmarks/hands/score.py benchmarks/runner/all.py; do echo "$$script"; PYTHONPATH=. $(PY) $$script || exit 1; done
 
 clean: ## delete everything that can be made again (artifacts), keep .venv
 	@find artifacts -mindepth 1 -maxdepth 1 ! -name README.md -exec chmod -R u+w {} + -exec rm -rf {} +

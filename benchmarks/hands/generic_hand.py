@@ -9,8 +9,9 @@ import tarfile
 from pathlib import Path
 
 import numpy as np
+import trimesh
 
-from benchmarks.hands.body_model import subdivided
+from benchmarks.hands.body_model import creases, subdivided
 from benchmarks.hands.skinned_hand import BONES, SkinnedHand, aligned, rest_pads
 
 PACKAGE = "@webxr-input-profiles/assets@1.0.20"
@@ -53,7 +54,9 @@ def generic_hand(archive: Path) -> SkinnedHand:
     points, weights = _welded(read["POSITION"] @ T[:3, :3].T + T[:3, 3], _weights(read, names), faces)
     points, faces, weights = subdivided(*points, weights)
     weights = weights / weights.sum(1, keepdims=True)
-    return SkinnedHand(points, faces, weights, keypoints, rest_pads(keypoints), np.ones_like(points))
+    deep = creases(points, trimesh.Trimesh(points, faces, process=False).vertex_normals)
+    colour = np.exp(-1.5 * deep[:, None] * np.array([3.0, 4.2, 4.2]))
+    return SkinnedHand(points, faces, weights, keypoints, rest_pads(keypoints), colour)
 
 
 def _array(scene: dict, blob: bytes, number: int) -> np.ndarray:  # type: ignore[type-arg]  # JSON

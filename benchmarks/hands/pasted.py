@@ -23,6 +23,7 @@ from afford.render.mesh import transform, translate
 from afford.render.raster import View
 from afford.render.scene import Camera, Instance, Light, Material, Textures, batch
 from afford.render.solids import lathe, patch, tube
+from afford.synthetic.human_hand.skeleton import POSTURES
 from afford.synthetic.human_hand.skin import ARM_M
 from afford.synthetic.kitchens.animation import DURATION
 from afford.synthetic.kitchens.world import World, build_world, elbow
@@ -60,8 +61,12 @@ class CompositeSpec:
     blur: int = 1
     """pictures averaged over the exposure, 1: no motion blur"""
     crf: int = 26
-    hidden: tuple[str, ...] = ()
-    """sides that do not appear"""
+    hands: int = 2
+    """hands that appear; with one, the idler hand is left out"""
+    free: bool = False
+    """whether the hands gesture and touch nothing"""
+    contrast: float = 1.0
+    """strength of the key light against the light from everywhere"""
     face: bool = False
     """whether a photographed face is beside the hands"""
 
@@ -81,6 +86,7 @@ def own_hands(world: World, time: float) -> tuple[list[Instance], list[np.ndarra
 def composite(spec: CompositeSpec, pictures: Path, folder: Path, hands: Hands = own_hands) -> ClipTruth:
     """Render a composite clip below `folder` and return its truth."""
     world = build_world(SceneSpec("P79_01", spec.script, spec.setting, spec.seed))
+    world = gesturing(world, spec.seed) if spec.free else world
     rng = np.random.default_rng([spec.seed, 79])
     backdrop = _Backdrop.drawn(spec, pictures, world.hands[0].look.cloth, rng)
     stage = _Stage(spec, world, hands, backdrop, _camera(spec, world, rng), _light(spec, rng), rng)
@@ -202,7 +208,9 @@ def _light(spec: CompositeSpec, rng: np.random.Generator) -> Light:
     towards = (0.7 * np.cos(angle), 0.7 * np.sin(angle), -0.8)
     strength = rng.uniform(0.6, 1.2)
     white = ((1.8, 1.75, 1.6), (0.6, 0.6, 0.62), (0.4, 0.4, 0.42))
-    key, ceiling, sky = (tuple(float(c) for c in np.array(base) * warm * strength) for base in white)
+    shares = (spec.contrast, 1 / spec.contrast, 1 / spec.contrast)
+    colours = [np.array(base) * warm * strength * share for base, share in zip(white, shares, strict=True)]
+    key, ceiling, sky = ((float(r), float(g), float(b)) for r, g, b in colours)
     return Light(towards, key, ceiling, sky, softness=float(rng.uniform(0.05, 0.4)), centre=(0.0, 0.15, 0.1),
                  radius_m=1.1, exposure=spec.light * float(rng.uniform(0.85, 1.2)), vignette=0.0)  # fmt: skip
 
@@ -242,13 +250,13 @@ class _Stage:
         camera, first = self.camera(time), self.camera(0.5 * DURATION)
         drawn, points = self.hands(self.world, time)
         drawn += upper_arms(self.world, time) if self.spec.viewpoint == "facing" else []
-        drawn = [i for i in drawn if not any(i.entity % 1000 == SIDES.index(side) for side in self.spec.hidden)]
+        gone = hidden(self.world, self.spec.hands)
+        drawn = [i for i in drawn if i.entity % SLEEVE not in gone]
         held = [interval.obj for arm in self.world.animation.arms.values() for interval in arm.grip_intervals]
         shown = held if self.spec.background == "scene" else list(self.world.objects)
         things = [part for n, obj in enumerate(self.world.objects) if any(obj is one for one in shown)
                   for part in obj.model.instances(obj.at(time), n + 2, float(obj.opened.at(time)[0]))]  # fmt: skip
-        if len(self.spec.hidden) == 2:
-            things = []
+        things = [] if len(gone) == 2 or self.spec.free else things
         parts: Sequence[Instance] = [*self.backdrop.instances, *drawn, *things]
         textures = self._textures(parts)
         view = View.of(batch(parts, textures), camera)
@@ -256,9 +264,37 @@ class _Stage:
         cover = (view.seen(2)[1][0] >= 0).reshape(SIZE[1], 2, SIZE[0], 2).mean(axis=(1, 3), dtype=np.float32)[..., None]
         turn = camera.K @ camera.T_world_cam[:3, :3].T @ first.T_world_cam[:3, :3] @ np.linalg.inv(first.K)
         behind = self.backdrop.seen(turn) * min(self.spec.light, 1.0) ** 0.45
-        gone = tuple(-1 if SIDES[n] in self.spec.hidden else c for n, c in enumerate(self.world.contacts(time)))
-        row = of_ids(picture.ids, (gone[0], gone[1]), [in_camera(p, camera) for p in points])
+        left, right = (-1 if n in gone or self.spec.free else c for n, c in enumerate(self.world.contacts(time)))
+        row = of_ids(picture.ids, (left, right), [in_camera(p, camera) for p in points])
         return picture.rgb + (1 - cover) * behind, row
+
+
+def hidden(world: World, hands: int) -> tuple[int, ...]:
+    """Return the indices of the sides that do not appear; of two hands the one that holds for the shorter time."""
+    held = [sum(i.stop - i.start for i in world.animation.arms[side].grip_intervals) for side in SIDES]
+    return ((0, 1), (int(np.argmin(held)),), ())[hands]
+
+
+@dataclass(frozen=True)
+class _Gestures:
+    """Finger motion of a hand that touches nothing: postures that follow one another."""
+
+    angles: np.ndarray
+    """(n, 20) rad, at equal distances in time"""
+
+    def at(self, time: float) -> np.ndarray:
+        """Return the joint angles (20,) at a time, radians."""
+        place = time / DURATION * (len(self.angles) - 1)
+        k = int(np.clip(place, 0, len(self.angles) - 2))
+        share = float(np.clip(place - k, 0, 1))
+        return np.asarray(self.angles[k] + (3 * share**2 - 2 * share**3) * (self.angles[k + 1] - self.angles[k]))
+
+
+def gesturing(world: World, seed: int) -> World:
+    """Return the world with fingers that move through random postures."""
+    rng, names = np.random.default_rng([seed, 97]), sorted(POSTURES)
+    fingers = [_Gestures(np.array([POSTURES[names[int(n)]] for n in rng.integers(0, len(names), 7)])) for _ in SIDES]
+    return replace(world, fingers=(fingers[0], fingers[1]))  # type: ignore[arg-type]  # the same interface
 
 
 def gloved(spec: CompositeSpec) -> CompositeSpec:

@@ -16,7 +16,8 @@ GOOD_IOU = 0.5
 SMALL = 200 / (1280 * 720)
 """share of the picture below which an annotated hand is not asked for and a match with it does not count"""
 BIG_THING = 600 / (1280 * 720)
-WRIST, MIDDLE_MCP, MIDDLE_TIP = 0, 9, 12
+WRIST, MIDDLE_TIP = 0, 12
+PALM = (0, 5, 9, 13, 17)
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +32,8 @@ class Found:
     """(21, 2), in pixels of `mask`"""
     keypoints_m: np.ndarray | None = None
     """(21, 3), camera frame"""
+    focal_share: float = 0.0
+    """focal length assumed for keypoints_m as a share of the picture's width; 0 for the true one"""
 
 
 @dataclass
@@ -51,7 +54,7 @@ class Score:
     keypoint_error: list[float] = field(default_factory=list)
     """mean keypoint error of each matched hand, as a share of the distance from wrist to middle fingertip"""
     depth_error: list[float] = field(default_factory=list)
-    """relative error of the palm's depth of each matched hand"""
+    """relative error of the palm's depth of each matched hand, after correction for the assumed focal length"""
 
     def __add__(self, other: Score) -> Score:
         return Score(**{f.name: getattr(self, f.name) + getattr(other, f.name) for f in fields(self)})
@@ -141,8 +144,17 @@ def _points(pixels: np.ndarray, metres: np.ndarray, shape: tuple[int, ...], one:
         gap = np.linalg.norm(one.keypoints_px * scale - pixels, axis=1)[inside].mean()
         out.keypoint_error.append(float(gap / max(length, 0.6 * stretched)))
     if one.keypoints_m is not None:
-        true = metres[[0, 5, 9, 13, 17], 2].mean()
-        out.depth_error.append(float(abs(one.keypoints_m[[0, 5, 9, 13, 17], 2].mean() / true - 1)))
+        true, depth = metres[list(PALM), 2].mean(), one.keypoints_m[list(PALM), 2].mean()
+        if one.focal_share:
+            depth *= focal_px(pixels, metres) / (one.focal_share * shape[1])
+        out.depth_error.append(float(abs(depth / true - 1)))
+
+
+def focal_px(pixels: np.ndarray, metres: np.ndarray) -> float:
+    """Compute the focal length of the camera from the true keypoints of a hand, in the picture and in the camera frame."""
+    rays = metres[:, :2] / metres[:, 2:]
+    spread, seen = rays - rays.mean(0), pixels - pixels.mean(0)
+    return float((spread * seen).sum() / (spread**2).sum())
 
 
 def _sized(mask: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:

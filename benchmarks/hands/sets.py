@@ -14,16 +14,22 @@ SCRIPTS = (("pour", "kitchen"), ("carry", "kitchen"), ("stir", "kitchen"), ("car
 
 
 def composites(seed: int, prefix: str = "c") -> tuple[CompositeSpec, ...]:
-    """Return 20 clips: both viewpoints and backgrounds, moving cameras, small hands, no hand, one hand, gloves, dark, blurred."""
+    """Return 32 clips: both viewpoints and backgrounds, still and moving, small, one and no hand, gloves, dark, blurred, free."""
     kinds: list[dict[str, object]] = [
         {}, {"viewpoint": "facing"}, {"background": "scene"}, {"viewpoint": "facing", "background": "scene", "zoom": 0.7},
         {"moving": True}, {"viewpoint": "facing", "zoom": 0.45}, {"background": "scene", "moving": True, "crf": 34},
-        {"viewpoint": "facing", "hidden": ("left",)}, {"hidden": ("left", "right"), "moving": True, "face": True},
-        {"light": 0.28, "background": "scene"}, {"blur": 5, "frames": 24, "moving": True}, {"hidden": ("right",), "zoom": 0.7},
+        {"viewpoint": "facing", "hands": 1}, {"hands": 0, "moving": True, "face": True},
+        {"light": 0.28, "background": "scene"}, {"blur": 5, "frames": 24, "moving": True}, {"hands": 1, "zoom": 0.7},
         {"viewpoint": "facing", "face": True, "moving": True}, {"glove": True}, {"zoom": 1.6, "moving": True},
-        {"viewpoint": "facing", "background": "scene", "hidden": ("left", "right"), "face": True},
+        {"viewpoint": "facing", "background": "scene", "hands": 0, "face": True},
         {"viewpoint": "facing", "light": 0.3}, {"background": "scene", "zoom": 0.6, "moving": True, "face": True},
         {"viewpoint": "facing", "blur": 4, "frames": 24, "crf": 32}, {"viewpoint": "facing", "background": "scene", "glove": True},
+        {"free": True, "contrast": 1.4}, {"free": True, "contrast": 1.6, "background": "scene", "moving": True},
+        {"contrast": 1.5}, {"free": True, "contrast": 1.3, "moving": True, "zoom": 0.75}, {"contrast": 1.6, "background": "scene"},
+        {"free": True, "viewpoint": "facing", "contrast": 1.4}, {"free": True, "hands": 1, "contrast": 1.5, "face": True},
+        {"contrast": 1.4, "moving": True, "zoom": 0.7}, {"free": True, "contrast": 1.5, "zoom": 1.5, "background": "scene"},
+        {"contrast": 1.5, "hands": 1, "background": "scene", "crf": 32}, {"free": True, "contrast": 1.5, "zoom": 0.5},
+        {"free": True, "viewpoint": "facing", "contrast": 1.6, "zoom": 0.55, "background": "scene", "moving": True},
     ]  # fmt: skip
     out = []
     for n, kind in enumerate(kinds):
