@@ -9,18 +9,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-CHAINS = ((0, 1, 2, 3, 4), (0, 5, 6, 7, 8), (0, 9, 10, 11, 12), (0, 13, 14, 15, 16), (0, 17, 18, 19, 20))
-"""keypoints of each finger from the wrist, thumb first"""
+from afford.extraction.hands.hand_fit import BONES, CHAINS, fit_to_image
+
 PALM = (0, 5, 9, 13, 17)
 """wrist and knuckles"""
-BONES = np.array([[0.197, 0.200, 0.185, 0.158], [0.462, 0.245, 0.143, 0.097], [0.446, 0.266, 0.170, 0.108],
-                  [0.421, 0.244, 0.165, 0.107], [0.410, 0.204, 0.117, 0.093]])  # fmt: skip
-"""lengths of the bones of each chain as shares of the hand's length: phalanges after Buchholz, Armstrong and Goldstein 1992,
-knuckles and thumb as keypoint trackers place them"""
+FINGERS = 0.1
+"""weight of the image points of fingers against those of the palm: hidden fingers are guesses of a landmark model"""
 ROUNDS = 8
 """iterations of the robust placement"""
-REFINEMENTS = 2
-"""times that the shape of a placed hand is fitted to its image"""
 OUTLIER = 3.0
 """residual, in median residuals, beyond which a keypoint loses weight"""
 LEAST_M = 0.05
@@ -77,9 +73,11 @@ def lift(keypoints_px: np.ndarray, keypoints_m: np.ndarray, confidence: np.ndarr
     rays = _rays(keypoints_px[shown], K)
     shape = _with_lengths(_facing(keypoints_m[shown].astype(float), rays, weight), params.hand_m * BONES)
     place = _place(shape, rays, weight)
-    for _ in range(REFINEMENTS):
-        shape = _with_lengths(_onto_rays(shape + place[:, None], rays, weight), params.hand_m * BONES)
-        place = _place(shape, rays, weight)
+    placed = shape + place[:, None]
+    palm = weight * np.where(np.isin(np.arange(21), PALM), 1, FINGERS)
+    fitted = fit_to_image(placed, rays, palm * _inliers(_beside(placed, rays)), params.hand_m)
+    shape = _with_lengths(fitted, params.hand_m * BONES)
+    place = _place(shape, rays, palm)
     for run in _runs(time_s[shown], params.gap_s):
         out[shown[run]] = _smoothed(shape[run], place[run], weight[run], time_s[shown[run]], K, params)
     return out
@@ -154,14 +152,6 @@ def _place(shape: np.ndarray, rays: np.ndarray, weight: np.ndarray) -> np.ndarra
         place = _least_squares(shape, rays, robust)
         robust = weight * _inliers(_beside(shape + place[:, None], rays))
     return place
-
-
-def _onto_rays(placed: np.ndarray, rays: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Move placed keypoints (t, 21, 3) sideways onto their rays; outliers and keypoints of weight 0 move less."""
-    beside = _beside(placed, rays)
-    share = _inliers(beside) * (weight > 0)
-    moved: np.ndarray = placed - np.concatenate([beside * share[..., None], np.zeros_like(beside[..., :1])], axis=-1)
-    return moved
 
 
 def _beside(placed: np.ndarray, rays: np.ndarray) -> np.ndarray:
