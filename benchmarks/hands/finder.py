@@ -2,10 +2,9 @@
 
     PYTHONPATH=. python benchmarks/hands/finder.py FINDER ... --clips DIR [--photographs DIR] [--fit]
 
-FINDER are folders that hands_train wrote, for example of three seeds; a table row is the mean over them with the range. Clips are
-made by benchmarks/hands/sets.py, photographs are fetched by benchmarks/hands/photographs.py. Neither is part of
-the training. `--fit` prints the weights of afford/extraction/hands/evidence.py fitted on the even clips and photographs; the table is of
-the odd ones.
+FINDER are folders that hands_train wrote, for example of three seeds; a table row is the mean over them with the range. Clips
+are made by benchmarks/hands/sets.py, photographs are fetched by benchmarks/hands/photographs.py; no training shows them. `--fit`
+prints the weights of afford/extraction/hands/evidence.py fitted on the even clips and photographs; the table is of the odd ones.
 """
 
 from __future__ import annotations
@@ -19,12 +18,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 import torch
-from benchmarks.hands.clip_truth import VIDEO, ClipTruth, clips
 
 from afford.common.masks import iou
 from afford.extraction.hands.calibrate import fit_logistic
 from afford.extraction.hands.evidence import NAMES, Evidence, HandRegion, regions
 from afford.extraction.hands.network import segment
+from benchmarks.hands.clip_truth import VIDEO, ClipTruth, clips
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "benchmarks" / "hand_finder.md"
