@@ -20,7 +20,7 @@ from stages.extraction.hand_detect import Params
 from tests.helpers.toy_clip import Toy, texture, toy
 
 COUNT = 25
-PARAMS = Params(every_s=0.2, look_s=0.034, least_hand=0.005, least_object=0.005)
+PARAMS = Params(every_s=0.2, look_s=0.034, least_hand=0.005, least_object=0.005, least_found=0.1)
 Masks = dict[int, np.ndarray]
 """column of a finder's answer -> mask (t, h, w) bool"""
 

@@ -217,8 +217,8 @@ def decode_chosen(files: FileTree, clip: Footage, box_wh: tuple[int, int], choos
         wanted = set(choose(number, time_ns / 1e9).tolist())
         rows = (row for row in zip(itertools.count(), clip.media, pictures(files, clip)) if row[0] in wanted)
         while part := list(itertools.islice(rows, chunk)):
-            at = [n for n, _, _ in part]
-            yield number[at], time_ns[at], read_stills([(name, data) for _, name, data in part], box_wh)
+            rows_at = [n for n, _, _ in part]
+            yield number[rows_at], time_ns[rows_at], read_stills([(name, data) for _, name, data in part], box_wh)
 
 
 def pictures(files: FileTree, clip: Footage | Clip) -> Iterator[bytes]:

@@ -41,7 +41,9 @@ class Detection:
     """least mean log odds of the colours of a hand with landmarks against its surroundings"""
     trust: float = 0.5
     """weight of the hand finder where a hand has landmarks (log odds)"""
-    fov_deg: float = 60.0
+    least_found: float = 0.5
+    """least probability that a region is a hand, of the regions that only the hand finder detects"""
+    fov_deg: float = 70.0
     """assumed angle of view across the longer side of the picture"""
     hand_m: float = 0.19
     """assumed length of a hand from the wrist to the tip of the middle finger"""

@@ -9,12 +9,14 @@ import numpy as np
 
 from afford.common.masks import dilate
 from afford.extraction.hands import LEFT, RIGHT, SLEEVE, Detection
+from afford.extraction.hands.colours import BLUR_PX, MAX_ODDS
+from afford.extraction.hands.evidence import regions
 from afford.extraction.hands.hand_masks import MaskedTrack, hand_masks
 from afford.extraction.hands.landmark_tracks import HandPoints, landmark_tracks
 from afford.extraction.hands.motion import SampledFrames, residual_speed
 from afford.extraction.hands.object_evidence import HandMasks
 from afford.extraction.hands.part_tracks import Segment, Track, link_segments
-from afford.extraction.hands.refine import guided_filter, refine_by_colour
+from afford.extraction.hands.refine import colour_bins, guided_filter, refine_by_colour
 from afford.extraction.hands.sides import SidePrior, assign_sides, drop_small_tracks, hand_segments
 from schemas.hands import HandLandmarks
 from schemas.video import SIDES, Hand
@@ -50,12 +52,17 @@ def find_hands(sampled: SampledFrames, landmarks: HandLandmarks | None, seen: np
 def _with_landmarks(
     sampled: SampledFrames, landmarks: HandLandmarks, seen: np.ndarray | None, params: Detection
 ) -> list[MaskedTrack]:
+    """Segment the hands with landmarks: in each sampled frame at most two, those with most evidence over time."""
     tracks = landmark_tracks(landmarks, sampled.rgb.shape[2], sampled.runs, params.least_evidence, params.least_presence)
     if tracks:
         size = max(tracks, key=lambda track: track.evidence * track.size_px).size_px
         tracks = [track for track in tracks if track.size_px >= LEAST_LIKE * size]
     extra = None if seen is None else _finder_odds(seen, params.trust)
-    return hand_masks(tracks, sampled, extra, params.least_contrast)
+    masked = hand_masks(tracks, sampled, extra, params.least_contrast)
+    for k in range(len(sampled.at)):
+        for one in [one for one in masked if k in one.masks][len(SIDES) :]:
+            del one.masks[k]
+    return [one for one in masked if one.masks]
 
 
 def _finder_odds(seen: np.ndarray, trust: float) -> np.ndarray:
@@ -77,21 +84,33 @@ def _track(one: MaskedTrack, prior: SidePrior, width: int, height: int) -> Track
 def _found_alone(
     seen: np.ndarray, sampled: SampledFrames, masked: Sequence[MaskedTrack], prior: SidePrior, params: Detection
 ) -> list[Track]:
-    """Find the hands that only the hand finder detects."""
+    """Find the hands that only the hand finder detects, in regions whose evidence is that of a hand."""
     left, right = (seen[..., side] * (1 - seen[..., SLEEVE]) for side in (LEFT, RIGHT))
     likely = refine_by_colour(np.minimum(left + right, 1), sampled.rgb, params.colour)
     least_px = params.least_hand * sampled.rgb.shape[1] * sampled.rgb.shape[2]
     found = []
     for k in range(len(sampled.at)):
         taken = [one.masks[k] for one in masked if k in one.masks]
-        p = guided_filter(likely[k], sampled.rgb[k], params.edge_px)
-        if taken:
-            p = np.where(dilate(np.any(taken, axis=0), FOUND_NEAR_PX), 0, p)
-        sides = (side[k].astype(np.float32) for side in (left, right))
-        found.append(hand_segments(p, *sides, residual_speed(sampled, k), least_px, params.least_part, prior))
+        free = ~dilate(np.any(taken, axis=0), FOUND_NEAR_PX) if taken else np.ones(likely[k].shape, bool)
+        colour = _hand_colours(masked, sampled.rgb[k])
+        hands = [one.mask for one in regions(seen[k].astype(np.float32) * free[..., None], sampled.rgb[k], colour)
+                 if one.probability >= params.least_found]  # fmt: skip
+        p = np.zeros(free.shape, np.float32)
+        if hands:
+            p = guided_filter(likely[k], sampled.rgb[k], params.edge_px) * (dilate(np.any(hands, axis=0), FOUND_NEAR_PX) & free)
+        found.append(hand_segments(p, left[k].astype(np.float32), right[k].astype(np.float32), residual_speed(sampled, k), least_px,
+                                   params.least_part, prior))  # fmt: skip
     leap_px = params.leap * sampled.rgb.shape[2]
     tracks = link_segments(found, sampled, params.link_min_iou, params.gap_looks, leap_px=leap_px)
     return drop_small_tracks(tracks, min_times_seen(sampled, params.least_looks), params.least_like)
+
+
+def _hand_colours(masked: Sequence[MaskedTrack], rgb: np.ndarray) -> np.ndarray | None:
+    """Agreement (h, w) from -1 to 1 with the colours of the hands with landmarks; None without any."""
+    if not masked:
+        return None
+    bins = colour_bins(rgb, BLUR_PX)
+    return np.asarray(np.max([one.odds[bins] for one in masked], axis=0) / MAX_ODDS)
 
 
 def min_times_seen(sampled: SampledFrames, count: int) -> dict[int, int]:

@@ -36,6 +36,8 @@ AGREE = 0.25
 SHRINK, GROW = 0.25, 2.5
 """range of the area of a followed hand, relative to that with landmarks"""
 LEAST_PX = 60
+BESIDE = 0.5
+"""distance from a hand within which other certain components belong to it, as the forearm behind a watch, in sizes of the hand"""
 ROUNDS = 2
 
 
@@ -60,7 +62,7 @@ def hand_masks(
     """
     if not tracks:
         return []
-    shape = sampled.rgb.shape[1:3]
+    shape = (sampled.rgb.shape[1], sampled.rgb.shape[2])
     near = np.zeros(sampled.rgb.shape[:3], bool)
     for track in tracks:
         for k, one in track.found.items():
@@ -71,27 +73,27 @@ def hand_masks(
     for _ in range(ROUNDS):
         _learn_colours(out, colours, near)
     probabilities = [_followed(one, sampled, colours, extra) for one in out]
-    for n, one in enumerate(out):
+    for n, masked in enumerate(out):
         for k, p in probabilities[n].items():
             mask = guided_filter(p.astype(np.float32), sampled.rgb[k], 3) > 0.5
-            _separate(mask, k, one, out[:n])
-            if (clean := _clean(mask, p, one.track.found.get(k))) is not None:
-                one.masks[k] = clean
+            _separate(mask, k, masked, out[:n])
+            if (clean := _clean(mask, p, masked.track.found.get(k))) is not None:
+                masked.masks[k] = clean
     return out
 
 
-def _away(shape: tuple[int, ...], one: HandPoints) -> np.ndarray:
+def _away(shape: tuple[int, int], one: HandPoints) -> np.ndarray:
     """Distance (h, w) from the bones, in sizes of the hand."""
-    return distance_from(draw_hand(shape[:2], one.points_px, OUTLINE)) / hand_size(one.points_px)
+    return distance_from(draw_hand(shape, one.points_px, OUTLINE)) / hand_size(one.points_px)
 
 
-def place_odds(shape: tuple[int, ...], points_px: np.ndarray) -> np.ndarray:
+def place_odds(shape: tuple[int, int], points_px: np.ndarray) -> np.ndarray:
     """Log odds (h, w) float32 of a hand with keypoints (21, 2) by place alone."""
-    fingers = draw_hand(shape[:2], points_px, FINGER)
+    fingers = draw_hand(shape, points_px, FINGER)
     away = distance_from(fingers) / hand_size(points_px)
     odds = np.where(fingers, INSIDE, np.maximum(EDGE - SLOPE * away, FARTHEST))
-    odds = np.where(draw_hand(shape[:2], points_px, CORE), CERTAIN, odds)
-    return np.where(draw_forearm(shape[:2], points_px), np.maximum(odds, FOREARM), odds).astype(np.float32)
+    odds = np.where(draw_hand(shape, points_px, CORE), CERTAIN, odds)
+    return np.where(draw_forearm(shape, points_px), np.maximum(odds, FOREARM), odds).astype(np.float32)
 
 
 def _core_odds(track: LandmarkTrack, colours: ClipColours, near: np.ndarray) -> np.ndarray:
@@ -228,9 +230,12 @@ def _clean(mask: np.ndarray, p: np.ndarray, found: HandPoints | None) -> np.ndar
     else:
         core = draw_hand(mask.shape, found.points_px, CORE)
         on_bones = np.bincount(label[core], minlength=count)
-        if on_bones[1:].sum() < 0.25 * core.sum():
+        on_bones[0] = 0
+        if on_bones.sum() < 0.25 * core.sum():
             return None
-        kept = [i for i in range(1, count) if on_bones[i] > 0.1 * on_bones[1:].sum()
-                or (areas[i] > 80 and p[label == i].mean() > 0.75)]  # fmt: skip
+        kept = np.flatnonzero(on_bones > 0.1 * on_bones.sum()).tolist()
+        near = distance_from(np.isin(label, kept)) < BESIDE * hand_size(found.points_px)
+        kept += [i for i in range(1, count) if i not in kept and areas[i] > LEAST_PX and p[label == i].mean() > 0.75
+                 and near[label == i].any()]  # fmt: skip
     out = np.isin(label, kept)
     return out if out.sum() >= LEAST_PX else None

@@ -15,11 +15,11 @@ class Search:
     """frames are scaled down to fit into width_px x height_px, or height_px x width_px"""
     height_px: int = 720
     """see width_px"""
-    min_palm: float = 0.3
+    min_palm: float = 0.2
     """least score of a detected palm"""
     min_presence: float = 0.3
     """least presence of a hand in its region, of those that are kept"""
     windows_every: int = 2
-    """sampled frames between two searches in windows as high as the picture; the others are searched as a whole; 0: never"""
+    """sampled frames between two searches in square windows as high as the picture and in one with a margin; 0: never"""
     fine_every: int = 4
-    """sampled frames between two searches in windows half as high, where most frames show no hand otherwise; 0: never"""
+    """sampled frames between two searches in windows half as high, in frames with fewer than two hands; 0: never"""

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from afford.common.video.frames import decode_chosen
+from afford.extraction.landmarks.files import HAND, PALM
 from afford.extraction.landmarks.geometry import hand_size, palm_centre
 from afford.extraction.landmarks.landmarks import HandLandmarker, Landmarks
 from afford.extraction.landmarks.palm import Palm, PalmDetector, box_iou
@@ -22,11 +23,14 @@ from schemas.files import FileTree
 from schemas.hands import HandLandmarks
 from schemas.video import Footage
 
-PALM_FILE, LANDMARK_FILE = "palm_detection_full.tflite", "hand_landmark_full.tflite"
 CHUNK = 48
 """sampled frames in memory at a time"""
 WINDOW_STEP = 0.6
 """distance between neighbouring windows, as a share of their side"""
+WIDE = 1.3
+"""side of the window with a margin, in which palms at the border of the picture are found"""
+HANDS = 1
+"""frames with so many hands are not searched in fine windows"""
 FINE = 0.5
 """side of the fine windows, as a share of the shorter side of the picture"""
 ABSENT, CERTAIN = 0.05, 0.9
@@ -39,7 +43,7 @@ JUMP = 1.5
 
 def search_clip(media: FileTree, footage: Footage, models: Path, params: Search) -> HandLandmarks:
     """Detect the landmarks of all hands in sampled frames of a clip. `models` is the folder of the two TFLite files."""
-    finder = HandSearch(PalmDetector(models / PALM_FILE), HandLandmarker(models / LANDMARK_FILE), params)
+    finder = HandSearch(PalmDetector(models / PALM), HandLandmarker(models / HAND), params)
     number, time_ns, found, size = list[np.ndarray](), list[np.ndarray](), list[list[Landmarks]](), (1, 1)
 
     def choose(frame: np.ndarray, time_s: np.ndarray) -> np.ndarray:
@@ -84,19 +88,23 @@ class HandSearch:
     def search(self, rgb: np.ndarray, before: Sequence[Landmarks] = ()) -> list[list[Landmarks]]:
         """Find the hands of each of (t, h, w, 3) uint8 frames; `before` are those of the frame before the first."""
         p = self._params
-        found = [self._detect(image, windows(image, 1.0) if p.windows_every and k % p.windows_every == 0 else []) for k, image in
-                 enumerate(rgb)]  # fmt: skip
+        found = [self._detect(image, self._windows(image, k)) for k, image in enumerate(rgb)]
         self._track(rgb, found, before)
-        if p.fine_every and sum(map(bool, found)) < len(found) / 2:
+        if p.fine_every:
             for k in range(0, len(rgb), p.fine_every):
-                found[k] = unique([*found[k], *self._detect(rgb[k], windows(rgb[k], FINE), whole=False)])
+                if len(found[k]) < HANDS:
+                    found[k] = unique([*found[k], *self._detect(rgb[k], windows(rgb[k], FINE))])
             self._track(rgb, found, before)
         return found
 
-    def _detect(self, rgb: np.ndarray, squares: Sequence[tuple[float, float, float]], whole: bool = True) -> list[Landmarks]:
-        """Detect hands in the whole picture and in square windows."""
-        palms = [palm for window in [*([None] if whole else []), *squares]
-                 for palm in self._palms.detect(rgb, self._params.min_palm, window)]  # fmt: skip
+    def _windows(self, rgb: np.ndarray, k: int) -> list[Window]:
+        """Windows in which frame k is searched: the whole picture; sometimes squares of its height, and one with a margin."""
+        whole, every = window_around(rgb, 1.0), self._params.windows_every
+        return [whole, *windows(rgb, 1.0), window_around(rgb, WIDE)] if every and k % every == 0 else [whole]
+
+    def _detect(self, rgb: np.ndarray, squares: Sequence[Window]) -> list[Landmarks]:
+        """Detect hands in square windows."""
+        palms = [palm for window in squares for palm in self._palms.detect(rgb, self._params.min_palm, window)]
         hands = [self._refined(rgb, palm.region()) for palm in best_palms(palms)]
         return unique([hand for hand in hands if hand.presence >= self._params.min_presence])
 
@@ -125,7 +133,18 @@ class HandSearch:
                 here.append(moved)
 
 
-def windows(rgb: np.ndarray, share: float) -> list[tuple[float, float, float]]:
+Window = tuple[float, float, float]
+"""x0, y0, side of a square, px"""
+
+
+def window_around(rgb: np.ndarray, share: float) -> Window:
+    """Square around the middle of a picture; `share` is its side as a share of the longer side of the picture."""
+    height, width = rgb.shape[:2]
+    side = share * max(height, width)
+    return (width - side) / 2, (height - side) / 2, side
+
+
+def windows(rgb: np.ndarray, share: float) -> list[Window]:
     """Square windows (x0, y0, side) that cover a picture; `share` is their side as a share of its shorter side.
 
     Empty where one window would be the whole picture.
