@@ -2,10 +2,9 @@
 
     PYTHONPATH=. python benchmarks/hands/finder.py FINDER ... --clips DIR [--photographs DIR] [--fit]
 
-FINDER are folders that hands_train wrote, for example of three seeds; a table row is the mean over them with the range. Clips are
-made by benchmarks/hands/composites.py and others, photographs are fetched by benchmarks/hands/photographs.py. Neither is part of
-the training. `--fit` prints the weights of afford/extraction/hands/evidence.py fitted on every second clip and photograph; the
-table is of the others.
+FINDER are folders that hands_train wrote, for example of three seeds; a table row is the mean over them with the range. Clips
+are made by benchmarks/hands/sets.py, photographs are fetched by benchmarks/hands/photographs.py; no training shows them. `--fit`
+prints the weights of afford/extraction/hands/evidence.py fitted on the even clips and photographs; the table is of the odd ones.
 """
 
 from __future__ import annotations
@@ -62,9 +61,9 @@ Picture = tuple[str, np.ndarray, dict[str, np.ndarray], bool]
 
 
 def clip_pictures(root: Path, odd: bool | None) -> Iterator[Picture]:
-    """Yield pictures of the clips below a folder: of all, or of every second one."""
-    for n, folder in enumerate(clips(root)):
-        if odd is None or n % 2 == odd:
+    """Yield pictures of the clips below a folder: of all, or of those with an even or an odd number at the end of their name."""
+    for folder in clips(root):
+        if odd is None or int(folder.name[-1]) % 2 == odd:
             truth = ClipTruth.load(folder)
             picked = np.unique(np.linspace(0, len(truth.frame) - 1, FRAMES).round().astype(int))
             frames = _frames(folder / VIDEO, truth.frame[picked])

@@ -41,8 +41,8 @@ class Evidence:
 
 
 NAMES = tuple(Evidence.__dataclass_fields__)
-WEIGHTS = (3.0, 1.28, 0.8, 0.08, 0.94, -0.34, 0.71)
-BIAS = -3.58
+WEIGHTS = (3.94, 3.88, 2.75, 2.43, 0.33, 0.93, -0.55)
+BIAS = -5.86
 COLOUR_WEIGHT, MOTION_WEIGHT = 1.0, 1.0
 """weights (log odds) of agreeing with the hand colours of the clip, -1..1, and of moving, -1..1"""
 
