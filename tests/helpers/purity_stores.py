@@ -8,6 +8,9 @@ from pathlib import Path
 
 from afford.common.files import tree as files_of
 from afford.common.video.frames import write_video
+from afford.extraction.landmarks.files import landmark_files
+from afford.extraction.sources.discover import discover
+from afford.extraction.sources.narrations import default_narration
 from afford.grasping.hand.assets import shadow_files
 from afford.grasping.judge import prompt
 from commands.origin import origin
@@ -17,13 +20,15 @@ from maps.twohands import recipes
 from pipeline import build
 from runner import Graph, Runner
 from schemas.scene import SceneSpec
-from stages.extraction import dataset_pack
+from schemas.video import Clip
+from stages.extraction import clip_footage, dataset_pack, hand_detect, hand_landmarks, source_read
 from stages.grasping import (
     grasp_candidates,
     grasp_compare,
     grasp_compare_report,
     grasp_judge,
     hand_model,
+    hand_motion,
     hand_retarget,
     motion_files,
     motion_read,
@@ -43,6 +48,7 @@ from tests.helpers.fonts import with_fonts
 from tests.helpers.made_finder import FINDER
 from tests.helpers.made_hands import PINCER, shadow, written
 from tests.helpers.made_interactions import iit_aff, umd, utkinect
+from tests.helpers.made_landmarks import MadeHand, made_video, path
 from tests.helpers.made_looks import rod as bar
 from tests.helpers.made_meshes import as_object, cup
 from tests.helpers.made_motions import recorded, rod
@@ -142,6 +148,29 @@ def found(store: Path, folder: Path) -> None:
     write_video(folder / "film.mp4", toy(7).frames.rgb, 18)
     place, _ = origin("recordings", folder, FINDER, digest)
     run(store, "recordings", build("recordings", place, FINDER))
+
+
+def filmed(store: Path, folder: Path) -> None:
+    """Landmarks were looked for in a video, and motion was taken from drawn hands."""
+    graph = Graph()
+    networks = landmark_files(digest)
+    if networks is not None:
+        write_video(folder / "film.mp4", toy(4).frames.rgb, 18)
+        source = discover(folder, digest).videos[0]
+        (clip,) = source_read.run(source, source_read.Params())
+        footage = clip_footage.run(clip, clip_footage.Params())
+        leaves = {"media": graph.leaf("media", source), "footage": graph.leaf("footage", footage)}
+        graph.target("looked", graph.add(hand_landmarks.run, **leaves, params=hand_landmarks.Params(),
+                                         weights=graph.leaf("networks", networks)))  # fmt: skip
+        run(store, "looked", graph)
+    graph = Graph()
+    frames, landmarks = made_video([MadeHand(path((120, 130), (200, 120), 12))])
+    plain = Clip("made", "made", "made", "", ("made.mp4",), "video", 10.0, False, 1, 12, (), (default_narration(1, 12),), ())
+    seen = hand_detect.run(plain, frames, hand_detect.Params(), landmarks)
+    taken = graph.add(hand_motion.run, hands=graph.leaf("hands", seen.hands), clip=graph.leaf("clip", seen.clip),
+                      params=hand_motion.Params())  # fmt: skip
+    graph.target("taken", taken)
+    run(store, "taken", graph)
 
 
 def hands(store: Path, folder: Path) -> None:
@@ -281,6 +310,7 @@ MAKERS: dict[Maker, tuple[str, ...]] = {
                 "negative_affordance_files", "object_record", "scorer_record", "negative_affordance_score",
                 "negative_affordance_report"),
     found: ("hand_plan", "hand_lessons", "hands_train", "hand_detect"),
+    filmed: ("hand_landmarks", "hand_motion"),
     hands: ("hand_model",),
     motions: ("motion_read", "motion_synthesise", "hand_retarget", "motion_report", "motion_files", "motion_record"),
     schooled: ("grasp_tasks", "grasp_tasks_predicted", "grasp_targets", "hand_imitation", "rl_grasp_refinement", "grasp_student",
