@@ -7,7 +7,9 @@ Writes  DetectedHands: Clip with a key frame about every `every_s` (outlines of 
 Method  landmarks of sampled frames are linked to tracks; a track is a hand when its presence, its colours and its size say so. Its
         masks follow from the shape of the landmarks, a colour model of the hands of the clip, and optical flow. A hand finder, if
         there is one, corrects these masks and adds hands without landmarks. Each track votes for one side by its arm, its place and
-        the handedness of its landmarks. An object is a segment at a hand that moves with it; GrabCut draws its outline
+        the handedness of its landmarks. A touched object is what neither earlier nor later frames explain, after camera
+        registration, or what moves with the hand, where the fingers are; sleeves leave the picture behind the wrist. GrabCut draws
+        its outline; an object that never moves is not found without a hand finder
 Fails   when neither landmarks nor a hand finder are given, or the files of the finder are those of another model
 Paper   MediaPipe Hands (Zhang et al. 2020); replaces the annotations of VISOR for video without masks
 """
