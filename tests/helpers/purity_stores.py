@@ -30,6 +30,7 @@ from stages.grasping import (
     hand_model,
     hand_motion,
     hand_retarget,
+    keypoint_files,
     motion_files,
     motion_read,
     motion_report,
@@ -164,13 +165,15 @@ def filmed(store: Path, folder: Path) -> None:
                                          weights=graph.leaf("networks", networks)))  # fmt: skip
         run(store, "looked", graph)
     graph = Graph()
-    frames, landmarks = made_video([MadeHand(path((120, 130), (200, 120), 12))])
-    plain = Clip("made", "made", "made", "", ("made.mp4",), "video", 10.0, False, 1, 12, (), (default_narration(1, 12),), ())
+    frames, landmarks = made_video([MadeHand(path((210, 130), (270, 120), 20))])
+    plain = Clip("made", "made", "made", "", ("made.mp4",), "video", 10.0, False, 1, 20, (), (default_narration(1, 20),), ())
     seen = hand_detect.run(plain, frames, hand_detect.Params(), landmarks)
     taken = graph.add(hand_motion.run, hands=graph.leaf("hands", seen.hands), clip=graph.leaf("clip", seen.clip),
                       params=hand_motion.Params())  # fmt: skip
-    graph.target("taken", taken)
-    run(store, "taken", graph)
+    motions, remarks = graph.pick(taken, lambda taken: taken.motions), graph.pick(taken, lambda taken: taken.remarks)
+    graph.target("kept", graph.add(keypoint_files.run, motions=motions, remarks=(remarks,),
+                                   params=keypoint_files.Params(), ctx=graph.ctx))  # fmt: skip
+    run(store, "kept", graph)
 
 
 def hands(store: Path, folder: Path) -> None:
@@ -310,7 +313,7 @@ MAKERS: dict[Maker, tuple[str, ...]] = {
                 "negative_affordance_files", "object_record", "scorer_record", "negative_affordance_score",
                 "negative_affordance_report"),
     found: ("hand_plan", "hand_lessons", "hands_train", "hand_detect"),
-    filmed: ("hand_landmarks", "hand_motion"),
+    filmed: ("hand_landmarks", "hand_motion", "keypoint_files"),
     hands: ("hand_model",),
     motions: ("motion_read", "motion_synthesise", "hand_retarget", "motion_report", "motion_files", "motion_record"),
     schooled: ("grasp_tasks", "grasp_tasks_predicted", "grasp_targets", "hand_imitation", "rl_grasp_refinement", "grasp_student",
