@@ -101,3 +101,13 @@ def test_stage_with_landmarks() -> None:
     assert CODEC.digest(one.hands) == CODEC.digest(two.hands) and CODEC.digest(one.clip) == CODEC.digest(two.clip)
     with pytest.raises(ValueError, match="there is neither"):
         hand_detect.run(clip_of(frames), frames, hand_detect.Params())
+
+
+def test_a_hand_is_not_followed_across_a_gap_of_the_video() -> None:
+    """Frame numbers that jump are another shot: what was seen before is not expected there."""
+    frames, landmarks = made_video([MadeHand(still(120, 130, COUNT), found=(0, 1, 2, 3, 4))])
+    jumped = np.where(np.arange(COUNT) < 6, 0, 500)
+    cut = replace(frames, frame=frames.frame + jumped, time_ns=frames.time_ns + jumped * 100_000_000)
+    found = find(cut, replace(landmarks, frame=cut.frame, time_ns=cut.time_ns))
+    seen = {t for side in ("left", "right") for t in found.masks[side]}
+    assert {0, 1, 2, 3, 4} <= seen <= {0, 1, 2, 3, 4, 5}

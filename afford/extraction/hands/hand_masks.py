@@ -191,6 +191,8 @@ def _direction(
             plausible = mask.sum() >= LEAST_PX and SHRINK * area < mask.sum() < GROW * area and colour[mask].mean() >= 0.8
             if not plausible or (not inside and lost > BEYOND):
                 before = None
+        else:
+            before = None
         if before is not None:
             yield k, before
 
