@@ -10,7 +10,9 @@ import pytest
 from afford.codecs import CODEC
 from afford.common.masks import iou
 from afford.extraction.hands.fuse import FoundHands, find_hands
+from afford.extraction.hands.hand_masks import wrist_turn
 from afford.extraction.hands.motion import sample_frames
+from afford.extraction.landmarks.geometry import draw_forearm
 from schemas.hands import HandLandmarks
 from schemas.video import Frames
 from stages.extraction import hand_detect
@@ -111,3 +113,12 @@ def test_a_hand_is_not_followed_across_a_gap_of_the_video() -> None:
     found = find(cut, replace(landmarks, frame=cut.frame, time_ns=cut.time_ns))
     seen = {t for side in ("left", "right") for t in found.masks[side]}
     assert {0, 1, 2, 3, 4} <= seen <= {0, 1, 2, 3, 4, 5}
+
+
+def test_a_bent_wrist_is_estimated() -> None:
+    """The direction of the forearm follows from its colours; without a bare forearm the wrist counts as straight."""
+    points = MadeHand(still(160, 90, 1)).points(0)
+    for turn in (-0.6, 0.0, 0.6):
+        odds = np.where(draw_forearm(SIZE_WH[::-1], points, turn, 1.0), 2.0, -2.0).astype(np.float32)
+        assert abs(wrist_turn(points, odds) - turn) < 0.25
+    assert wrist_turn(points, np.full(SIZE_WH[::-1], -2.0, np.float32)) == 0.0

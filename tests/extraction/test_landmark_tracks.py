@@ -52,3 +52,10 @@ def test_repeated_detections_are_one() -> None:
     twice = MadeHand(hand.wrist_px + 2, presence=0.7)
     found = tracks([hand, twice])
     assert len(found) == 1 and found[0].certainty > 0.9
+
+
+def test_two_readings_of_one_hand_are_one() -> None:
+    """A reading that is turned around the same place, and mostly covers the other one, is the same hand."""
+    hand = MadeHand(path((100, 120), (130, 120), COUNT))
+    turned = MadeHand(hand.wrist_px + (-10, -45), palm_px=25.0, down=True, presence=0.7)
+    assert len(tracks([hand, turned])) == 1

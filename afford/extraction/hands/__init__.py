@@ -23,7 +23,7 @@ class Detection:
 
     viewpoint: Literal["ego", "facing"] = "ego"
     """ego: a head camera, arms enter from below; facing: the person is seen from the front, or sits at the far side of the table"""
-    every_s: float = 0.5
+    every_s: float = 0.2
     """seconds between two key frames"""
     look_s: float = 0.1
     """seconds between two sampled frames"""

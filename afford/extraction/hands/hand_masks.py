@@ -39,6 +39,10 @@ LEAST_PX = 60
 BESIDE = 0.5
 """distance from a hand within which other certain components belong to it, as the forearm behind a watch, in sizes of the hand"""
 ROUNDS = 2
+TURNS_RAD = np.radians((0, -12, 12, -24, 24, -36, 36, -48, 48))
+"""angles by which a wrist may be bent"""
+TURN_COST, ARM_ODDS = 0.6, 1.5
+"""cost of the largest angle against a forearm of full odds as long as a hand; limit of the odds of its pixels"""
 
 
 @dataclass
@@ -87,13 +91,22 @@ def _away(shape: tuple[int, int], one: HandPoints) -> np.ndarray:
     return distance_from(draw_hand(shape, one.points_px, OUTLINE)) / hand_size(one.points_px)
 
 
-def place_odds(shape: tuple[int, int], points_px: np.ndarray) -> np.ndarray:
-    """Log odds (h, w) float32 of a hand with keypoints (21, 2) by place alone."""
+def wrist_turn(points_px: np.ndarray, odds: np.ndarray) -> float:
+    """Estimate the angle of the forearm against the hand, rad, from the colour odds (h, w) along possible forearms."""
+    limited, scores = np.clip(odds, -ARM_ODDS, ARM_ODDS), []
+    for turn in TURNS_RAD:
+        strip = draw_forearm(odds.shape, points_px, float(turn), 1.0)
+        scores.append(limited[strip].sum() / hand_size(points_px) ** 2 - TURN_COST * (turn / TURNS_RAD.max()) ** 2)
+    return float(TURNS_RAD[int(np.argmax(scores))]) if max(scores) > 0 else 0.0
+
+
+def place_odds(shape: tuple[int, int], points_px: np.ndarray, turn_rad: float = 0.0) -> np.ndarray:
+    """Log odds (h, w) float32 of a hand with keypoints (21, 2) and the angle of its forearm, by place alone."""
     fingers = draw_hand(shape, points_px, FINGER)
     away = distance_from(fingers) / hand_size(points_px)
     odds = np.where(fingers, INSIDE, np.maximum(EDGE - SLOPE * away, FARTHEST))
     odds = np.where(draw_hand(shape, points_px, CORE), CERTAIN, odds)
-    return np.where(draw_forearm(shape, points_px), np.maximum(odds, FOREARM), odds).astype(np.float32)
+    return np.where(draw_forearm(shape, points_px, turn_rad), np.maximum(odds, FOREARM), odds).astype(np.float32)
 
 
 def _core_odds(track: LandmarkTrack, colours: ClipColours, near: np.ndarray) -> np.ndarray:
@@ -177,7 +190,8 @@ def _direction(
         colour = one.odds[colours.bins[k]]
         more = 0.0 if extra is None else extra[k].astype(np.float32)
         if k in one.track.found:
-            place = place_odds(colour.shape, one.track.found[k].points_px)
+            points = one.track.found[k].points_px
+            place = place_odds(colour.shape, points, wrist_turn(points, colour))
             if moved is not None:
                 place = np.where(moved > KEPT, np.maximum(place, KEPT_ODDS), place) + LANDMARK_MEMORY * _logit(moved, 3.0)
             before = _sigmoid(place + colour + more)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+import cv2
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
@@ -20,8 +21,9 @@ LONG_GAP = 60
 REJOIN, REJOIN_GROWTH, REJOIN_MOST = 1.0, 0.1, 2.0
 SIZE_RATIO = 0.4
 """least ratio of the sizes of a hand in two frames of one track"""
-SAME, SAME_CENTRE = 0.7, 0.5
-"""two detections are one hand when their keypoints or their centres are nearer than this, in sizes of the hand"""
+SAME, SAME_CENTRE, SAME_HULL = 0.7, 0.5, 0.5
+"""two detections are one hand when their keypoints or their centres are nearer than this, in sizes of the hand, or when the hulls
+of their keypoints overlap by more than this share"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +94,15 @@ def _by_frame(landmarks: HandLandmarks, width_px: int) -> list[list[HandPoints]]
 def _same_hand(one: HandPoints, other: HandPoints) -> bool:
     size = max(hand_size(one.points_px), hand_size(other.points_px))
     near = np.linalg.norm(one.points_px - other.points_px, axis=1).mean() < SAME * size
-    return bool(near or np.linalg.norm(palm_centre(one.points_px) - palm_centre(other.points_px)) < SAME_CENTRE * size)
+    central = np.linalg.norm(palm_centre(one.points_px) - palm_centre(other.points_px)) < SAME_CENTRE * size
+    return bool(near or central or hull_overlap(one.points_px, other.points_px) > SAME_HULL)
+
+
+def hull_overlap(one_px: np.ndarray, other_px: np.ndarray) -> float:
+    """Share of the smaller of the convex hulls of two sets of keypoints (21, 2) that lies in the other."""
+    hulls = [cv2.convexHull(points.astype(np.float32)) for points in (one_px, other_px)]
+    common, _ = cv2.intersectConvexConvex(*hulls)
+    return float(common / max(min(cv2.contourArea(hull) for hull in hulls), 1e-6))
 
 
 def _linked(here: Sequence[Sequence[HandPoints]], run: range) -> list[LandmarkTrack]:

@@ -38,6 +38,12 @@ def arm_direction(points_px: np.ndarray) -> np.ndarray:
     return np.asarray(along / max(float(np.linalg.norm(along)), 1e-6))
 
 
+def turned(vector: np.ndarray, angle_rad: float) -> np.ndarray:
+    """Rotate a vector (2,) of the picture, x towards y."""
+    c, s = np.cos(angle_rad), np.sin(angle_rad)
+    return np.array([c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]])
+
+
 def draw_hand(shape: tuple[int, int], points_px: np.ndarray, radius: float) -> np.ndarray:
     """Mask (h, w) bool of the palm and of all bones; `radius` of the bones in sizes of the hand."""
     mask = np.zeros(shape, np.uint8)
@@ -49,12 +55,15 @@ def draw_hand(shape: tuple[int, int], points_px: np.ndarray, radius: float) -> n
     return mask > 0
 
 
-def draw_forearm(shape: tuple[int, int], points_px: np.ndarray) -> np.ndarray:
-    """Mask (h, w) bool of the region in which the forearm lies: it widens with the distance from the wrist."""
-    size, along = hand_size(points_px), arm_direction(points_px)
+def draw_forearm(shape: tuple[int, int], points_px: np.ndarray, turn_rad: float = 0.0, spread: float = ARM_SPREAD) -> np.ndarray:
+    """Mask (h, w) bool of the region in which the forearm lies: it widens with the distance from the wrist, `spread` times.
+
+    turn_rad: angle by which the wrist is bent in the picture.
+    """
+    size, along = hand_size(points_px), turned(arm_direction(points_px), turn_rad)
     across = np.array([-along[1], along[0]]) * ARM_WIDTH * size
     near, far = points_px[WRIST] - 0.1 * size * along, points_px[WRIST] + ARM_REACH * size * along
-    corners = np.array([near - across, near + across, far + ARM_SPREAD * across, far - ARM_SPREAD * across])
+    corners = np.array([near - across, near + across, far + spread * across, far - spread * across])
     mask = np.zeros(shape, np.uint8)
     cv2.fillConvexPoly(mask, _subpixel(corners), 1, cv2.LINE_8, SUBPIXEL_BITS)
     return mask > 0

@@ -23,3 +23,7 @@ class Search:
     """sampled frames between two searches in square windows as high as the picture and in one with a margin; 0: never"""
     fine_every: int = 4
     """sampled frames between two searches in windows half as high, in frames with fewer than two hands; 0: never"""
+    colour_every: int = 4
+    """sampled frames between two searches in regions of the colours of hands, in frames with fewer than two hands; 0: never"""
+    min_proposed: float = 0.6
+    """least presence of a hand in such a region"""

@@ -17,6 +17,7 @@ from afford.extraction.landmarks.geometry import hand_size, palm_centre
 from afford.extraction.landmarks.landmarks import HandLandmarker, Landmarks
 from afford.extraction.landmarks.palm import Palm, PalmDetector, box_iou
 from afford.extraction.landmarks.parameters import Search
+from afford.extraction.landmarks.proposals import HandColours
 from afford.extraction.landmarks.region import Region
 from afford.extraction.tracks.key_frames import evenly_spaced, runs
 from schemas.files import FileTree
@@ -29,10 +30,12 @@ WINDOW_STEP = 0.6
 """distance between neighbouring windows, as a share of their side"""
 WIDE = 1.3
 """side of the window with a margin, in which palms at the border of the picture are found"""
-HANDS = 1
-"""frames with so many hands are not searched in fine windows"""
+HANDS, PERSON = 1, 2
+"""frames with so many hands are not searched in fine windows, or by colour"""
 FINE = 0.5
 """side of the fine windows, as a share of the shorter side of the picture"""
+LEARNED = 0.8
+"""presence of a hand from which its colours are learned"""
 ABSENT, CERTAIN = 0.05, 0.9
 """presence below which a region is given up, and above which its landmarks are not refined"""
 SAME, SAME_CENTRE = 0.7, 0.5
@@ -84,6 +87,7 @@ class HandSearch:
 
     def __init__(self, palms: PalmDetector, landmarker: HandLandmarker, params: Search) -> None:
         self._palms, self._landmarker, self._params = palms, landmarker, params
+        self._colours = HandColours()
 
     def search(self, rgb: np.ndarray, before: Sequence[Landmarks] = ()) -> list[list[Landmarks]]:
         """Find the hands of each of (t, h, w, 3) uint8 frames; `before` are those of the frame before the first."""
@@ -95,7 +99,19 @@ class HandSearch:
                 if len(found[k]) < HANDS:
                     found[k] = unique([*found[k], *self._detect(rgb[k], windows(rgb[k], FINE))])
             self._track(rgb, found, before)
+        if p.colour_every:
+            for k in range(0, len(rgb), p.colour_every):
+                self._colours.learn(rgb[k], [one.points_px for one in found[k] if one.presence >= LEARNED])
+            for k in range(0, len(rgb), p.colour_every):
+                if len(found[k]) < PERSON:
+                    found[k] = unique([*found[k], *self._propose(rgb[k], found[k])])
+            self._track(rgb, found, before)
         return found
+
+    def _propose(self, rgb: np.ndarray, known: Sequence[Landmarks]) -> list[Landmarks]:
+        """Detect hands in regions that their colours propose."""
+        hands = [self._refined(rgb, region) for region in self._colours.regions(rgb, [one.points_px for one in known])]
+        return [hand for hand in hands if hand.presence >= self._params.min_proposed]
 
     def _windows(self, rgb: np.ndarray, k: int) -> list[Window]:
         """Windows in which frame k is searched: the whole picture; sometimes squares of its height, and one with a margin."""
