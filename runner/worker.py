@@ -46,7 +46,10 @@ def main(channel_fd: str, lifeline_fd: str, counters_fd: str) -> None:
         except EOFError:
             place.close()
             return
-        _run(batch, place, outbox, counters)
+        try:
+            _run(batch, place, outbox, counters)
+        except BrokenPipeError:  # the scheduler is gone
+            return
 
 
 def _run(batch: list[Job], place: Workplace, outbox: Outbox, counters: Counters) -> None:

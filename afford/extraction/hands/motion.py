@@ -32,7 +32,7 @@ class SampledFrames:
 
     @property
     def runs(self) -> list[range]:
-        """Runs of sampled frames without a gap in the video."""
+        """Runs of sampled frames without a gap or a cut in the video."""
         cuts = [k for k, flow in enumerate(self.back) if flow is None]
         return [range(a, b) for a, b in zip(cuts, [*cuts[1:], len(self.at)], strict=True)]
 
@@ -40,6 +40,11 @@ class SampledFrames:
         """Warp an image (h, w) float32 from sampled frame k - step to k; `step` is 1 or -1. None across a gap of the video."""
         flow = self.back[k] if step == 1 else self.forth[k]
         return None if flow is None else _warp(image, flow)
+
+
+THUMBNAIL, COLOUR_BINS = (32, 18), 16
+CUT_LEVELS, CUT_SHARE = 25.0, 0.7
+"""a cut changes small blurred pictures by more than this on average, 0..255, and keeps less than this share of their colours"""
 
 
 def sample_frames(frames: Frames, every_s: float, numbers: np.ndarray | None = None) -> SampledFrames:
@@ -52,9 +57,19 @@ def sample_frames(frames: Frames, every_s: float, numbers: np.ndarray | None = N
         chosen = [part for part in (there[(there >= one.start) & (there < one.stop)] for one in parts) if len(part)]
     at = np.concatenate(chosen)
     grey = [cv2.cvtColor(_half(rgb), cv2.COLOR_RGB2GRAY) for rgb in frames.rgb[at]]
-    starts = set(np.cumsum([0, *map(len, chosen)]).tolist())
+    starts = set(np.cumsum([0, *map(len, chosen)]).tolist()) | cuts(frames.rgb[at])
     back, forth = list(_flows(grey, starts, -1)), list(_flows(grey, starts, 1))
     return SampledFrames(at, frames.rgb[at], frames.time_ns[at] / 1e9, back, forth)
+
+
+def cuts(rgb: np.ndarray) -> set[int]:
+    """Find the first frames of new shots in (k, h, w, 3) uint8: other colours in the whole, and another picture at every place."""
+    tiny = (cv2.resize(one, THUMBNAIL, interpolation=cv2.INTER_AREA) for one in rgb)
+    small = [cv2.GaussianBlur(one, (0, 0), 1.0).astype(np.float32) for one in tiny]
+    shares = [np.stack([np.histogram(one[..., c], COLOUR_BINS, (0, 256))[0] / one[..., c].size for c in range(3)]) for one in small]
+    return {k for k in range(1, len(small))
+            if np.abs(small[k] - small[k - 1]).mean() > CUT_LEVELS
+            and np.minimum(shares[k], shares[k - 1]).sum(1).mean() < CUT_SHARE}  # fmt: skip
 
 
 def _half(rgb: np.ndarray) -> np.ndarray:
