@@ -12,6 +12,7 @@ from commands.backends import backends_of
 from commands.errors import UsageError
 from maps.settings import SYSTEM_OF, Settings
 from schemas.files import FileTree
+from stages.extraction.hand_detect import NO_NETWORK, TRAINED
 
 
 def resolve_weights(chosen: Settings, digest: Callable[[Path], str]) -> Settings:
@@ -26,8 +27,12 @@ def resolve_weights(chosen: Settings, digest: Callable[[Path], str]) -> Settings
     if networks is not None:
         found["hand_landmarks"] = networks
         named["hand_landmarks"] = dataclasses.replace(chosen.extraction.hand_landmarks, model="")
+        held = chosen.extraction.hand_detect.held
+        if held not in (NO_NETWORK, TRAINED):
+            found["held"] = _files("hand_detect.held", held, digest)
+            named["hand_detect"] = dataclasses.replace(chosen.extraction.hand_detect, held=_label(held))
     for stage in SYSTEM_OF:
-        params = chosen.params(stage)
+        params = named.get(stage, chosen.params(stage))
         if getattr(params, "backbones", ""):
             found[stage] = _files(f"{stage}.backbones", params.backbones, digest)
             named[stage] = dataclasses.replace(params, backbones=_label(params.backbones))

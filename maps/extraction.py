@@ -15,7 +15,7 @@ from schemas.benchmark import ClipScores
 from schemas.files import FileTree
 from schemas.hands import DetectedHands
 from schemas.masks import CompleteObjects, Tracks
-from schemas.scene import RenderedClip
+from schemas.scene import HandLessons, RenderedClip
 from schemas.training import Trained
 from schemas.video import Clip, Footage, Frames, Inpainted
 from stages.extraction import (
@@ -29,6 +29,7 @@ from stages.extraction import (
     hand_inpaint,
     hand_landmarks,
     hands_train,
+    held_train,
     key_thin,
     mask_densify,
     narration_labelling,
@@ -36,6 +37,7 @@ from stages.extraction import (
     sample_assemble,
     source_read,
 )
+from stages.extraction.hand_detect import NO_NETWORK, TRAINED
 from stages.recording import clip_record, stage_record
 from stages.synthetic import hand_lessons, hand_plan
 
@@ -114,16 +116,37 @@ def detect_hands(g: Graph, seen: Decoded, p: Settings) -> DetectedHands:
         arguments["landmarks"] = g.add(hand_landmarks.run, media=seen.media, footage=seen.footage, params=s.hand_landmarks,
                                        **weights(g, p, "hand_landmarks"))
     trained = {"weights": g.pick(finder(g, p), lambda t: t.files)} if params.backend == "network" else {}
-    arguments |= trained or weights(g, p, "hand_detect")
+    arguments |= (trained or weights(g, p, "hand_detect")) | _held(g, p)
     return g.add(hand_detect.run, clip=seen.clip, frames=seen.frames, params=params, **arguments)
+
+
+def _held(g: Graph, p: Settings) -> dict[str, FileTree]:
+    """Network of held objects, shipped, named or trained first, and the landmark networks that it reads; empty without these."""
+    given = dict(p.weights)
+    if "hand_landmarks" not in given or p.extraction.hand_detect.held == NO_NETWORK:
+        return {}
+    trained = p.extraction.hand_detect.held == TRAINED
+    held = g.pick(holder(g, p), lambda t: t.files) if trained else g.leaf("held_weights", given["held"])
+    return {"held": held, "networks": g.leaf("hand_detect_networks", given["hand_landmarks"])}
+
+
+def _lessons(g: Graph, p: Settings) -> tuple[HandLessons, ...]:
+    room = g.each(g.add(hand_plan.run, params=p.extraction.hand_plan))
+    return g.collect(g.add(hand_lessons.run, room=room, params=p.extraction.hand_lessons, ctx=g.ctx))
 
 
 def finder(g: Graph, p: Settings) -> Trained:
     """Train the hand finder on rendered rooms; all uses in a graph share one training."""
-    room    = g.each(g.add(hand_plan.run,                                                            params=p.extraction.hand_plan))
-    lessons = g.add(hand_lessons.run,       room=room,                                params=p.extraction.hand_lessons, ctx=g.ctx)
-    files   = {name: g.leaf(f"hands_train_{name}", found) for name, found in _training_files(p).items()}
-    return g.add(hands_train.run,           lessons=g.collect(lessons),      params=p.extraction.hands_train, ctx=g.ctx, **files)
+    files = {name: g.leaf(f"hands_train_{name}", found) for name, found in _training_files(p).items()}
+    return g.add(hands_train.run, lessons=_lessons(g, p), params=p.extraction.hands_train, ctx=g.ctx, **files)
+
+
+def holder(g: Graph, p: Settings) -> Trained:
+    """Train the network of held objects on the rooms of the hand finder; the stage fails without the landmark networks."""
+    networks = dict(p.weights).get("hand_landmarks", FileTree("landmark_networks", ()))
+    files = {"photographs": g.leaf("held_train_photographs", shown)} if (shown := dict(p.weights).get("held_train")) else {}
+    return g.add(held_train.run, lessons=_lessons(g, p), networks=g.leaf("held_train_networks", networks),
+                 params=p.extraction.held_train, ctx=g.ctx, **files)  # fmt: skip
 
 
 def _training_files(p: Settings) -> dict[str, FileTree]:
@@ -221,6 +244,12 @@ def hands(g: Graph, origin: Origin, p: Settings) -> None:
     """Train the hand finder, which finds hands in pictures without masks, on rendered rooms."""
     trained = finder(g, p)
     g.target("hands", g.pick(trained, lambda t: t.files), record_training(g, "hands_train", trained, p.extraction.hands_train))
+
+
+def held(g: Graph, origin: Origin, p: Settings) -> None:
+    """Train the network that segments what a hand holds, on rendered rooms."""
+    trained = holder(g, p)
+    g.target("held", g.pick(trained, lambda t: t.files), record_training(g, "held_train", trained, p.extraction.held_train))
 
 
 def compared(g: Graph, origin: Origin, columns: Mapping[str, Settings]) -> dict[str, dict[str, str]]:

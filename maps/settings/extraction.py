@@ -14,6 +14,7 @@ from stages.extraction import (
     hand_inpaint,
     hand_landmarks,
     hands_train,
+    held_train,
     key_thin,
     mask_densify,
     narration_labelling,
@@ -45,3 +46,4 @@ class Extraction:
     hand_plan: hand_plan.Params = hand_plan.Params()
     hand_lessons: hand_lessons.Params = hand_lessons.Params()
     hands_train: hands_train.Params = hands_train.Params()
+    held_train: held_train.Params = held_train.Params()

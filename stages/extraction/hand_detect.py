@@ -38,6 +38,9 @@ BACKENDS = {
     "sam3": "afford.extraction.hands.sam3:find",
 }
 
+NO_NETWORK, TRAINED = "none", "trained"
+"""values of `held` beside a folder"""
+
 
 @dataclass(frozen=True)
 class Params(Detection):
@@ -45,14 +48,20 @@ class Params(Detection):
 
     backend: str = "landmarks"
     """finder of hands beside the landmarks: landmarks (none), network (trained by hands_train on rendered rooms) or sam3"""
+    held: str = NO_NETWORK
+    """network of held objects: none, trained (held_train runs first), or a folder of its files"""
     sam3: Sam3 = Sam3()
     """parameters of sam3"""
 
 
 def run(
-    clip: Clip, frames: Frames, params: Params, landmarks: HandLandmarks | None = None, weights: FileTree | None = None
+    clip: Clip, frames: Frames, params: Params, landmarks: HandLandmarks | None = None, weights: FileTree | None = None,
+    held: FileTree | None = None, networks: FileTree | None = None,
 ) -> DetectedHands:
-    """Add the detected hands to a clip; ValueError when nothing can find hands, or the hand finder cannot be used."""
+    """Add the detected hands to a clip; ValueError when nothing can find hands, or a network cannot be used.
+
+    held: files of the network of held objects; networks: MediaPipe's networks, whose encoder it reads.
+    """
     from functools import partial
 
     from afford.common.registry import block, load
@@ -62,4 +71,9 @@ def run(
         raise ValueError(f"{clip.clip_id}: hands are found by landmarks or by a hand finder, and there is neither; run "
                          "`make setup` with a network, or choose --set hand_detect.backend=network")
     find = partial(load(BACKENDS, params.backend), params=block(params, params.backend), weights=weights)
-    return detect(clip, frames, find, params, landmarks)
+    hold = None
+    if held is not None:
+        from afford.extraction.hands.held_network import held_evidence, palm_detector
+
+        hold = partial(held_evidence, files=held, palm=palm_detector(networks))
+    return detect(clip, frames, find, params, landmarks, hold)

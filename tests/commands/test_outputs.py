@@ -26,7 +26,8 @@ STATIC = ("static_sor3d", "static_boxes", "static_true_boxes")
 GRASPING = ("motion_synthesise", "hand_imitation", "rl_grasp_refinement")
 RECORDED: dict[str, tuple[str, ...]] = {
     "dataset": ("{clip}", "dataset_pack"), "train": ("model_train",), "benchmark": ("benchmark",), "ablation": ("ablation_report",),
-    "hands": ("hands_train",), "negative-affordance": ("{clip}", "negative_affordance_report", "scorer_train"),
+    "hands": ("hands_train",), "held": ("held_train",),
+    "negative-affordance": ("{clip}", "negative_affordance_report", "scorer_train"),
     "motions": ("motion_files", "motion_read"), "grasp": ("grasp_report", *GRASPING),
     "grasp-full": ("grasp_report", *GRASPING, "grasp_student"), "interactions": (),
     "sor3d": ("sor3d_train", "sor3d_report"), "sor3d-ablation": ("sor3d_report",),
@@ -35,7 +36,7 @@ RECORDED: dict[str, tuple[str, ...]] = {
 """target -> files of recordings/{source}"""
 PLACES: dict[str, dict[str, str]] = {
     "dataset": {"dataset": "datasets/{source}"}, "train": {"model": "models/{source}"}, "benchmark": REPORT, "ablation": REPORT,
-    "hands": {}, "negative-affordance": {**REPORT, "negative": "negative/{source}/{clip}"},
+    "hands": {}, "held": {}, "negative-affordance": {**REPORT, "negative": "negative/{source}/{clip}"},
     "motions": {"report": "motions/{source}"}, "grasp": {**REPORT, **FILMS},
     "grasp-full": {**REPORT, **FILMS, "student": "models/{source}-student"}, "interactions": {},
     "sor3d": {**REPORT, "model": "models/{source}", "films": "recordings/{source}/interactions"}, "sor3d-ablation": REPORT,

@@ -144,7 +144,7 @@ def _gloves(shown: np.ndarray) -> np.ndarray:
     return np.stack([cv2.cvtColor(one.astype(np.uint8), cv2.COLOR_HSV2RGB) for one in turned])
 
 
-@pytest.mark.parametrize("made", [_nothing, _gloves, lambda shown: shown * 0], ids=["nobody", "blue hands", "black"])
+@pytest.mark.parametrize("made", [_nothing, _gloves, lambda shown: shown * 0], ids=["empty table", "blue hands", "black"])
 def test_a_video_without_recognisable_hands_says_so(made: Callable[[np.ndarray], np.ndarray], shown: np.ndarray,
                                                     tmp_path: Path) -> None:  # fmt: skip
     """Hands in key frames, or no annotation at all and no invented one."""

@@ -21,7 +21,7 @@ from pipeline import build
 from runner import Graph, Runner
 from schemas.scene import SceneSpec
 from schemas.video import Clip
-from stages.extraction import clip_footage, dataset_pack, hand_detect, hand_landmarks, source_read
+from stages.extraction import clip_footage, dataset_pack, hand_detect, hand_landmarks, held_train, source_read
 from stages.grasping import (
     grasp_candidates,
     grasp_compare,
@@ -46,7 +46,7 @@ from tests.grasping.test_grasp_compare import comparison, subject
 from tests.helpers import made_sequences
 from tests.helpers.blocks import changed
 from tests.helpers.fonts import with_fonts
-from tests.helpers.made_finder import FINDER
+from tests.helpers.made_finder import FINDER, made_up
 from tests.helpers.made_hands import PINCER, shadow, written
 from tests.helpers.made_interactions import iit_aff, umd, utkinect
 from tests.helpers.made_landmarks import MadeHand, made_video, path
@@ -149,6 +149,18 @@ def found(store: Path, folder: Path) -> None:
     write_video(folder / "film.mp4", toy(7).frames.rgb, 18)
     place, _ = origin("recordings", folder, FINDER, digest)
     run(store, "recordings", build("recordings", place, FINDER))
+
+
+def holding(store: Path, folder: Path) -> None:
+    """A network of held objects was trained for two steps."""
+    networks = landmark_files(digest)
+    if networks is not None:
+        graph = Graph()
+        lessons = tuple(made_up(split, split, 8, (96, 160)) for split in ("train", "val"))
+        few = held_train.Params(steps=2, batch=2, size_px=32, warmup=1, validate_every=2, judged=8)
+        leaves = {"lessons": graph.leaf("lessons", lessons), "networks": graph.leaf("networks", networks)}
+        graph.target("held", graph.add(held_train.run, **leaves, params=few, ctx=graph.ctx))
+        run(store, "held", graph)
 
 
 def filmed(store: Path, folder: Path) -> None:
@@ -312,6 +324,7 @@ MAKERS: dict[Maker, tuple[str, ...]] = {
     negatives: ("part_lessons", "scorer_train", "part_describe", "mask_score", "negative_affordance_projection",
                 "negative_affordance_files", "object_record", "scorer_record", "negative_affordance_score",
                 "negative_affordance_report"),
+    holding: ("held_train",),
     found: ("hand_plan", "hand_lessons", "hands_train", "hand_detect"),
     filmed: ("hand_landmarks", "hand_motion", "keypoint_files"),
     hands: ("hand_model",),

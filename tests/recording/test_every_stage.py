@@ -26,7 +26,7 @@ EXCEPTIONS: dict[str, str] = {
     "scene_render": "its video is /frame_decode/image of the recording of the clip",
     "still_render": "stills are on the contact sheet of train_pack, which is recorded",
     "still_sample": "samples are on the contact sheet of train_pack, which is recorded",
-    "hand_lessons": "pictures in new disguises are the previews of hands_train",
+    "hand_lessons": "pictures in new disguises are the previews of hands_train and held_train",
     "interaction_render": "its frames are /interaction_read/image of interaction_record",
     "clip_footage": "the part of a clip that names its frames, all of them in the recording of the clip",
     "key_thin": "a clip with fewer key frames: the report that compares both is recorded",
@@ -123,7 +123,7 @@ def test_the_exceptions_are_needed(built: list[tuple[str, Graph]]) -> None:
 def test_trainings_are_recorded_with_their_parameters(built: list[tuple[str, Graph]]) -> None:
     """Curves are below the name of the stage, and its parameters go with them."""
     trained = {node.name: node.params for _, graph in built for node in graph.stages() if hasattr(node.params, "parameters")}
-    for stage in ("model_train", "sor3d_train", "sor3d_pretrain", "boxes_train", "hands_train", "scorer_train", "hand_imitation",
-                  "rl_grasp_refinement", "grasp_student"):  # fmt: skip
+    for stage in ("model_train", "sor3d_train", "sor3d_pretrain", "boxes_train", "hands_train", "held_train", "scorer_train",
+                  "hand_imitation", "rl_grasp_refinement", "grasp_student"):  # fmt: skip
         params = trained[f"record_{stage}"]
         assert params.stage == stage and stage in dict(params.parameters), stage

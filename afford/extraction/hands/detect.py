@@ -12,6 +12,7 @@ import numpy as np
 from afford.extraction.hands import SLEEVE, TOUCHED, Detection
 from afford.extraction.hands.fuse import find_hands
 from afford.extraction.hands.grip import HandKeypoints
+from afford.extraction.hands.held_evidence import HeldEvidence
 from afford.extraction.hands.held_objects import NOTHING, ContactModel, TouchedObjects, touched_objects
 from afford.extraction.hands.keypoints import hand_tracks
 from afford.extraction.hands.motion import SampledFrames, sample_frames
@@ -27,16 +28,20 @@ from schemas.video import HAND_CLASS, NOT_IN_CONTACT, SIDES, Annotation, Clip, F
 Finder = Callable[[np.ndarray], np.ndarray | None]
 """a backend with its parameters and weights bound, see `Find`: pictures -> probabilities, or None"""
 
+HoldFinder = Callable[[np.ndarray, Mapping[Hand, np.ndarray]], HeldEvidence]
+"""the network of held objects with its files bound: picture (h, w, 3) uint8, masks of the hands by side -> evidence"""
+
 NO_LANDMARKS = "hands were found by the hand finder alone: the landmark networks are not installed (`make setup` fetches them)"
 
 
-def detect(clip: Clip, frames: Frames, find: Finder, params: Detection, landmarks: HandLandmarks | None = None) -> DetectedHands:
+def detect(clip: Clip, frames: Frames, find: Finder, params: Detection, landmarks: HandLandmarks | None = None,
+           hold: HoldFinder | None = None) -> DetectedHands:  # fmt: skip
     """Detect the hands, and add key frames about `every_s` apart to the clip."""
     sampled = sample_frames(frames, params.look_s, None if landmarks is None else landmarks.frame)
     seen = _probabilities(sampled, find, params)
     hands = find_hands(sampled, landmarks, seen, params)
     tracks = hand_tracks(clip.clip_id, frames, sampled, hands, params)
-    found = _touched(seen, sampled, hands.masks, tracks, params)
+    found = _touched(seen, sampled, hands.masks, tracks, params, hold)
     keys = _key_samples(sampled, params.every_s)
     object_names = name_objects(found.objects, found.contact, clip.narrations, frames.frame[sampled.at])
     remarks = (*(() if landmarks is not None else (NO_LANDMARKS,)), *found.reasons)
@@ -47,16 +52,20 @@ def detect(clip: Clip, frames: Frames, find: Finder, params: Detection, landmark
 
 
 def _touched(
-    seen: np.ndarray | None, sampled: SampledFrames, hands: HandMasks, tracks: HandTracks, params: Detection
+    seen: np.ndarray | None, sampled: SampledFrames, hands: HandMasks, tracks: HandTracks, params: Detection,
+    hold: HoldFinder | None,
 ) -> TouchedObjects:
     """Find the touched objects; `seen` are the probabilities of the hand finder, if there is one."""
     width, facing = sampled.rgb.shape[2], params.viewpoint == "facing"
-    evidence = EvidenceModel(params.foreground, params.motion, params.sleeve, params.lasting, params.far * width, facing)
+    evidence = EvidenceModel(params.foreground, params.motion, params.sleeve, params.lasting, params.far * width, facing,
+                             params.held_weight)  # fmt: skip
     least_px = params.least_object * _area(sampled)
-    model = ContactModel(params.reach_px, least_px, params.link_min_iou, params.rest_looks, params.least_looks)
+    model = ContactModel(params.reach_px, least_px, params.link_min_iou, params.rest_looks, params.least_looks, params.least_touch)
     keypoints = {side: HandKeypoints(tracks.keypoints_px[n], tracks.confidence[n]) for n, side in enumerate(SIDES)}
-    finder = () if seen is None else (seen[..., TOUCHED], seen[..., SLEEVE])
-    return touched_objects(sampled, hands, keypoints, evidence, model, *finder)
+    finder = (None, None) if seen is None else (seen[..., TOUCHED], seen[..., SLEEVE])
+    held = None if hold is None else [hold(rgb, {side: hands[side][k] for side in SIDES if k in hands[side]})
+                                      for k, rgb in enumerate(sampled.rgb)]  # fmt: skip
+    return touched_objects(sampled, hands, keypoints, evidence, model, *finder, held)
 
 
 def _area(sampled: SampledFrames) -> int:

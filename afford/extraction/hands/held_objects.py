@@ -10,6 +10,7 @@ import numpy as np
 
 from afford.common.masks import dilate, erode
 from afford.extraction.hands.grip import Keypoints, finger_contact, grip_ring
+from afford.extraction.hands.held_evidence import HeldEvidence
 from afford.extraction.hands.motion import SampledFrames, same_colour
 from afford.extraction.hands.object_evidence import EvidenceModel, HandMasks, all_hands, object_odds
 from afford.extraction.hands.part_tracks import Segment, Track, link_segments
@@ -29,6 +30,8 @@ HOLE = 0.5
 """holes are filled up to this share of the area of the object"""
 LARGEST = 0.35
 """largest object, as a share of the picture"""
+AROUND = 2
+"""sampled frames before and after over which the probability of a touch is averaged"""
 SAME_MASK = 0.8
 """IoU from which the things at both hands are one object"""
 
@@ -47,6 +50,8 @@ class ContactModel:
     """sampled frames for which an object is followed before and after the touch"""
     least: int
     """sampled frames in which an object and a contact must be seen to count"""
+    least_touch: float = 0.3
+    """least probability of a touch, from the network of held objects where there is one"""
 
 
 @dataclass(frozen=True)
@@ -64,11 +69,14 @@ class TouchedObjects:
 
 def touched_objects(
     sampled: SampledFrames, hands: HandMasks, keypoints: Keypoints, evidence: EvidenceModel, model: ContactModel,
-    touched: np.ndarray | None = None, sleeve: np.ndarray | None = None,
+    touched: np.ndarray | None = None, sleeve: np.ndarray | None = None, network: Sequence[HeldEvidence] | None = None,
 ) -> TouchedObjects:
-    """Find the objects that hands touch, from motion and background; `touched` and `sleeve` as in `object_odds`."""
-    odds, arms = object_odds(sampled, hands, keypoints, evidence, touched, sleeve)
+    """Find the objects that hands touch, from motion and background; `touched`, `sleeve` and `network` as in `object_odds`."""
+    odds, arms = object_odds(sampled, hands, keypoints, evidence, touched, sleeve, network)
     held = [_held(sampled, k, odds[k], arms[k], hands, keypoints, evidence, model) for k in range(len(sampled.at))]
+    touch = {side: touch_probability(network, side, sampled.runs) for side in SIDES} if network is not None else {}
+    held = [{side: mask for side, mask in one.items() if side not in touch or touch[side][k] >= model.least_touch}
+            for k, one in enumerate(held)]  # fmt: skip
     tracks = link_segments([_distinct(list(one.values())) for one in held], sampled, model.min_iou, model.rest, rests=True)
     least = {k: min(model.least, len(run)) for run in sampled.runs for k in run}
     kept = [track for track in tracks if track.times_seen >= least[min(track.segments)]]
@@ -76,6 +84,17 @@ def touched_objects(
     objects = [_backwards(track, sampled, model.rest) for track in kept]
     fingers = {side: _finger_contacts(side, objects, contact[side], keypoints) for side in SIDES}
     return TouchedObjects(objects, contact, fingers, tuple(_reasons(tracks, kept, sampled)))
+
+
+def touch_probability(network: Sequence[HeldEvidence], side: Hand, runs: Sequence[range]) -> np.ndarray:
+    """Mean probability (k,) of a touch over the neighbouring sampled frames that show the hand; 0 where it is not visible."""
+    out = np.zeros(len(network))
+    for run in runs:
+        for k in run:
+            near = [network[j].touch[side] for j in range(max(k - AROUND, run.start), min(k + AROUND + 1, run.stop))
+                    if side in network[j].touch]  # fmt: skip
+            out[k] = np.mean(near) if side in network[k].touch else 0.0
+    return out
 
 
 def _held(

@@ -43,11 +43,11 @@ class HandFinder(nn.Module):
         self.encoder = PalmEncoder() if encoder == PALM else PlainEncoder(config.widths)
         given = self.encoder.widths
         widths = config.widths[: len(given)]
-        self.reduce = nn.ModuleList(_reduction(a, b) for a, b in zip(given, widths, strict=True))
+        self.reduce = nn.ModuleList(reduction(a, b) for a, b in zip(given, widths, strict=True))
         self.whole = nn.Linear(widths[-1], widths[-1])
         outer = (*widths[-2:0:-1], max(widths[0], LAST))
         inputs = zip((widths[-1], *outer), widths[-2::-1], (COORDINATES, *(0 for _ in outer)), strict=False)
-        self.up = nn.ModuleList(_layer(sum(maps), after) for maps, after in zip(inputs, outer, strict=False))
+        self.up = nn.ModuleList(layer(sum(maps), after) for maps, after in zip(inputs, outer, strict=False))
         self.head = nn.Conv2d(outer[-1], 4, 1)
 
     def forward(self, pictures: Tensor) -> Tensor:
@@ -55,8 +55,8 @@ class HandFinder(nn.Module):
         seen = [reduce(one) for reduce, one in zip(self.reduce, self.encoder(pictures), strict=True)]
         x = seen[-1] + relu(self.whole(seen[-1].mean((2, 3))))[..., None, None]
         for n, (up, skip) in enumerate(zip(self.up, seen[-2::-1], strict=True)):
-            x = up(torch.cat([_resize(x, skip.shape), skip, *([] if n else [_coordinates(skip)])], 1))
-        return _resize(self.head(x), pictures.shape)
+            x = up(torch.cat([resize(x, skip.shape), skip, *([] if n else [_coordinates(skip)])], 1))
+        return resize(self.head(x), pictures.shape)
 
 
 class PlainEncoder(nn.Module):
@@ -66,8 +66,8 @@ class PlainEncoder(nn.Module):
         super().__init__()
         self.widths = widths
         first, *rest = widths
-        self.stem = nn.Sequential(_layer(3, first, 2), _layer(first, first))
-        self.down = nn.ModuleList(nn.Sequential(_layer(a, b, 2), _Residual(b)) for a, b in zip(widths, rest, strict=False))
+        self.stem = nn.Sequential(layer(3, first, 2), layer(first, first))
+        self.down = nn.ModuleList(nn.Sequential(layer(a, b, 2), _Residual(b)) for a, b in zip(widths, rest, strict=False))
 
     def forward(self, pictures: Tensor) -> tuple[Tensor, ...]:
         """Compute the feature maps, the largest first."""
@@ -80,7 +80,7 @@ class PlainEncoder(nn.Module):
 class _Residual(nn.Module):
     def __init__(self, width: int) -> None:
         super().__init__()
-        self.change = nn.Sequential(_layer(width, width), nn.Conv2d(width, width, 3, padding=1, bias=False), nn.BatchNorm2d(width))
+        self.change = nn.Sequential(layer(width, width), nn.Conv2d(width, width, 3, padding=1, bias=False), nn.BatchNorm2d(width))
 
     def forward(self, x: Tensor) -> Tensor:
         return relu(x + self.change(x))
@@ -93,15 +93,16 @@ def _coordinates(pictures: Tensor) -> Tensor:
     return place.expand(len(pictures), -1, -1, -1)
 
 
-def _reduction(before: int, after: int) -> nn.Sequential:
+def reduction(before: int, after: int) -> nn.Sequential:
     """Build a pointwise convolution between batch normalisations, with ReLU."""
     return nn.Sequential(nn.BatchNorm2d(before), nn.Conv2d(before, after, 1, bias=False), nn.BatchNorm2d(after), nn.ReLU())
 
 
-def _layer(before: int, after: int, stride: int = 1) -> nn.Sequential:
+def layer(before: int, after: int, stride: int = 1) -> nn.Sequential:
     """Build a convolution with batch normalisation and ReLU."""
     return nn.Sequential(nn.Conv2d(before, after, 3, stride, 1, bias=False), nn.BatchNorm2d(after), nn.ReLU())
 
 
-def _resize(x: Tensor, shape: torch.Size) -> Tensor:
+def resize(x: Tensor, shape: torch.Size) -> Tensor:
+    """Resize maps (b, c, h, w) to the height and width of a shape, bilinearly."""
     return interpolate(x, (shape[-2], shape[-1]), mode="bilinear", align_corners=False)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -11,6 +11,7 @@ import numpy as np
 from afford.common.masks import dilate
 from afford.extraction.hands.forearm import forearms
 from afford.extraction.hands.grip import Keypoints
+from afford.extraction.hands.held_evidence import HeldEvidence
 from afford.extraction.hands.motion import SampledFrames, comotion, propagate_odds
 from afford.extraction.hands.still_background import StillBackground, Unexplained
 from schemas.video import SIDES, Hand
@@ -45,15 +46,18 @@ class EvidenceModel:
     """largest distance from the hand at which evidence counts"""
     facing: bool
     """the person is seen from the front"""
+    held: float = 1.0
+    """weight of the network of held objects (log odds)"""
 
 
 def object_odds(
     sampled: SampledFrames, hands: HandMasks, keypoints: Keypoints, model: EvidenceModel,
-    touched: np.ndarray | None = None, sleeve: np.ndarray | None = None,
+    touched: np.ndarray | None = None, sleeve: np.ndarray | None = None, held: Sequence[HeldEvidence] | None = None,
 ) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """Compute the log odds (h, w) float32 of a touched object, and the forearms and sleeves (h, w) bool, in every sampled frame.
 
     touched, sleeve: (k, h, w) probabilities of the hand finder, None without one; then the forearm is a strip behind the wrist.
+    held: evidence of the network of held objects for every sampled frame, None without one.
     """
     own: list[np.ndarray] = []
     arms: list[np.ndarray] = []
@@ -68,6 +72,7 @@ def object_odds(
             if skin[i].any():
                 found = background.unexplained(i)
                 odds = _frame_odds(found, sampled, k, hands, model) + _finder_odds(k, touched, sleeve, model.sleeve)
+                odds = odds if held is None else odds + model.held * held[k].odds
                 odds = np.where(skin[i] | cloth[i], HAND_ODDS, odds).astype(np.float32)
             own.append(odds)
     return propagate_odds(own, sampled, model.lasting), arms

@@ -133,8 +133,8 @@ class FinderTask:
         hand = ((labels == LEFT_HAND) | (labels == RIGHT_HAND)).float()
         held, cloth, right = ((labels == one).float() for one in (truth_of.TOUCHED, truth_of.SLEEVE, RIGHT_HAND))
         side = binary_cross_entropy_with_logits(logits[:, SIDE], right, reduction="none")
-        losses = {"hand": _region_loss(logits[:, HAND], hand), "touched": _region_loss(logits[:, TOUCHED], held),
-                  "sleeve": _region_loss(logits[:, SLEEVE], cloth),
+        losses = {"hand": region_loss(logits[:, HAND], hand), "touched": region_loss(logits[:, TOUCHED], held),
+                  "sleeve": region_loss(logits[:, SLEEVE], cloth),
                   "side": (side * hand).sum() / hand.sum().clamp(min=1)}  # fmt: skip
         return {"total": losses["hand"] + sum(weight * losses[name] for name, weight in LOSS_WEIGHTS.items()), **losses}
 
@@ -170,7 +170,7 @@ def _pixels(pictures: np.ndarray) -> Tensor:
     return torch.from_numpy(pictures).permute(0, 3, 1, 2).float() / 255
 
 
-def _region_loss(logits: Tensor, truth: Tensor) -> Tensor:
+def region_loss(logits: Tensor, truth: Tensor) -> Tensor:
     """Cross-entropy plus Dice loss over the whole batch, so that pictures without the region count."""
     predicted = logits.sigmoid()
     overlap = (2 * (predicted * truth).sum() + 1) / (predicted.sum() + truth.sum() + 1)
