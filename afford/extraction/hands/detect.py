@@ -62,10 +62,10 @@ def _touched(
     least_px = params.least_object * _area(sampled)
     model = ContactModel(params.reach_px, least_px, params.link_min_iou, params.rest_looks, params.least_looks, params.least_touch)
     keypoints = {side: HandKeypoints(tracks.keypoints_px[n], tracks.confidence[n]) for n, side in enumerate(SIDES)}
-    finder = (None, None) if seen is None else (seen[..., TOUCHED], seen[..., SLEEVE])
+    held_by_finder, sleeve = (None, None) if seen is None else (seen[..., TOUCHED], seen[..., SLEEVE])
     held = None if hold is None else [hold(rgb, {side: hands[side][k] for side in SIDES if k in hands[side]})
                                       for k, rgb in enumerate(sampled.rgb)]  # fmt: skip
-    return touched_objects(sampled, hands, keypoints, evidence, model, *finder, held)
+    return touched_objects(sampled, hands, keypoints, evidence, model, held_by_finder, sleeve, held)
 
 
 def _area(sampled: SampledFrames) -> int:

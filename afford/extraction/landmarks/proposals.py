@@ -79,7 +79,7 @@ def _bins(rgb: np.ndarray) -> np.ndarray:
 
 def _peaks(like: np.ndarray) -> list[tuple[float, float, float]]:
     """Places and sizes (x, y, size), px of the whole picture, where pixels of the right colours gather."""
-    out = []
+    out = list[tuple[float, float, float]]()
     for share in SIZES:
         size = max(share * max(like.shape), 3)
         mean = cv2.GaussianBlur(like, (0, 0), 0.4 * size)
@@ -87,6 +87,6 @@ def _peaks(like: np.ndarray) -> list[tuple[float, float, float]]:
             y, x = np.unravel_index(int(mean.argmax()), mean.shape)
             if mean[y, x] < LEAST:
                 break
-            out.append(((x + 0.5) * SHRINK, (y + 0.5) * SHRINK, size * SHRINK))
+            out.append(((float(x) + 0.5) * SHRINK, (float(y) + 0.5) * SHRINK, size * SHRINK))
             cv2.circle(mean, (int(x), int(y)), int(size), -1.0, -1)
     return out
