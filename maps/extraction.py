@@ -37,7 +37,7 @@ from stages.extraction import (
     sample_assemble,
     source_read,
 )
-from stages.extraction.hand_detect import NO_NETWORK, TRAINED
+from stages.extraction.hand_detect import TRAINED
 from stages.recording import clip_record, stage_record
 from stages.synthetic import hand_lessons, hand_plan
 
@@ -122,10 +122,9 @@ def detect_hands(g: Graph, seen: Decoded, p: Settings) -> DetectedHands:
 
 def _held(g: Graph, p: Settings) -> dict[str, FileTree]:
     """Network of held objects, shipped, named or trained first, and the landmark networks that it reads; empty without these."""
-    given = dict(p.weights)
-    if "hand_landmarks" not in given or p.extraction.hand_detect.held == NO_NETWORK:
+    given, trained = dict(p.weights), p.extraction.hand_detect.held == TRAINED
+    if "hand_landmarks" not in given or not (trained or "held" in given):
         return {}
-    trained = p.extraction.hand_detect.held == TRAINED
     held = g.pick(holder(g, p), lambda t: t.files) if trained else g.leaf("held_weights", given["held"])
     return {"held": held, "networks": g.leaf("hand_detect_networks", given["hand_landmarks"])}
 

@@ -1,15 +1,15 @@
 """Detect hands and touched objects in a clip without masks: adds key frames with outlines, sides and contact, and keypoints.
 
 Reads   Clip without key frames; Frames (t h w 3); HandLandmarks; files of a hand finder, written by hands_train, or a model of the
-        user
+        user; files of the network of held objects, written by held_train, and MediaPipe's networks, whose encoder it reads
 Writes  DetectedHands: Clip with a key frame about every `every_s` (outlines of left hand, right hand and touched objects, contact),
         and HandTracks: 21 keypoints of both hands over time, in the picture and in metres
 Method  landmarks of sampled frames are linked to tracks; a track is a hand when its presence, its colours and its size say so. Its
         masks follow from the shape of the landmarks, a colour model of the hands of the clip, and optical flow. A hand finder, if
         there is one, corrects these masks and adds hands without landmarks. Each track votes for one side by its arm, its place and
         the handedness of its landmarks. A touched object is what neither earlier nor later frames explain, after camera
-        registration, or what moves with the hand, where the fingers are; sleeves leave the picture behind the wrist. GrabCut draws
-        its outline; an object that never moves is not found without a hand finder
+        registration, or what moves with the hand, where the fingers are, or what the network of held objects says; sleeves leave
+        the picture behind the wrist. GrabCut draws its outline
 Fails   when neither landmarks nor a hand finder are given, or the files of the finder are those of another model
 Paper   MediaPipe Hands (Zhang et al. 2020); replaces the annotations of VISOR for video without masks
 """
@@ -38,7 +38,7 @@ BACKENDS = {
     "sam3": "afford.extraction.hands.sam3:find",
 }
 
-NO_NETWORK, TRAINED = "none", "trained"
+NO_NETWORK, SHIPPED, TRAINED = "none", "shipped", "trained"
 """values of `held` beside a folder"""
 
 
@@ -48,8 +48,8 @@ class Params(Detection):
 
     backend: str = "landmarks"
     """finder of hands beside the landmarks: landmarks (none), network (trained by hands_train on rendered rooms) or sam3"""
-    held: str = NO_NETWORK
-    """network of held objects: none, trained (held_train runs first), or a folder of its files"""
+    held: str = SHIPPED
+    """network of held objects: shipped (weights/held), none, trained (held_train runs first), or a folder of its files"""
     sam3: Sam3 = Sam3()
     """parameters of sam3"""
 
