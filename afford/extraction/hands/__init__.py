@@ -59,9 +59,9 @@ class Detection:
     """weight of moving with the hand, against 1 for the hand finder (log odds of an object)"""
     sleeve: float = 8.0
     """weight of being a sleeve against being an object (log odds)"""
-    held_weight: float = 1.0
+    held_weight: float = 0.8
     """weight of the network of held objects, where there is one (log odds of an object)"""
-    least_touch: float = 0.3
+    least_touch: float = 0.57
     """least probability of a touch, from the network of held objects where there is one"""
     lasting: float = 0.9
     """weight of the object odds of the previous sampled frame, warped by motion, against 1 for those of the frame itself"""

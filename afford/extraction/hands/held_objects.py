@@ -50,7 +50,7 @@ class ContactModel:
     """sampled frames for which an object is followed before and after the touch"""
     least: int
     """sampled frames in which an object and a contact must be seen to count"""
-    least_touch: float = 0.3
+    least_touch: float = 0.57
     """least probability of a touch, from the network of held objects where there is one"""
 
 

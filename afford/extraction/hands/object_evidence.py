@@ -46,7 +46,7 @@ class EvidenceModel:
     """largest distance from the hand at which evidence counts"""
     facing: bool
     """the person is seen from the front"""
-    held: float = 1.0
+    held: float = 0.8
     """weight of the network of held objects (log odds)"""
 
 
