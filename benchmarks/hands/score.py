@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 import torch
 
-from afford.common.image_files import jpeg
+from afford.common.image_files import encode_jpeg
 from afford.common.palette import HANDS
 from afford.extraction.landmarks.files import landmark_files
 from afford.models.weights import weight_files
@@ -153,10 +153,10 @@ def main() -> None:
     print(page(costs, args.seed))
     if args.dry:
         for name, strip in strips.items():
-            (args.clips / f"{name}.jpg").write_bytes(jpeg(strip, JPEG_QUALITY))
+            (args.clips / f"{name}.jpg").write_bytes(encode_jpeg(strip, JPEG_QUALITY).tobytes())
         return
     chosen = [strips[name] for name in list(strips)[:: max(1, len(strips) // STRIPS)][:STRIPS]]
-    PICTURE.write_bytes(jpeg(np.concatenate(chosen), JPEG_QUALITY))
+    PICTURE.write_bytes(encode_jpeg(np.concatenate(chosen), JPEG_QUALITY).tobytes())
     PAGE.write_text(page(costs, args.seed))
 
 
