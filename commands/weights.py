@@ -12,10 +12,7 @@ from commands.backends import backends_of
 from commands.errors import UsageError
 from maps.settings import SYSTEM_OF, Settings
 from schemas.files import FileTree
-from stages.extraction.hand_detect import NO_NETWORK, SHIPPED, TRAINED
-
-HELD = Path(__file__).resolve().parents[1] / "weights" / "held"
-"""network of held objects that comes with the project"""
+from stages.extraction.hand_detect import NO_NETWORK, TRAINED
 
 
 def resolve_weights(chosen: Settings, digest: Callable[[Path], str]) -> Settings:
@@ -32,7 +29,7 @@ def resolve_weights(chosen: Settings, digest: Callable[[Path], str]) -> Settings
         named["hand_landmarks"] = dataclasses.replace(chosen.extraction.hand_landmarks, model="")
         held = chosen.extraction.hand_detect.held
         if held not in (NO_NETWORK, TRAINED):
-            found["held"] = _files("hand_detect.held", str(HELD) if held == SHIPPED else held, digest)
+            found["held"] = _files("hand_detect.held", held, digest)
             named["hand_detect"] = dataclasses.replace(chosen.extraction.hand_detect, held=_label(held))
     for stage in SYSTEM_OF:
         params = named.get(stage, chosen.params(stage))

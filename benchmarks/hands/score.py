@@ -28,7 +28,6 @@ from benchmarks.hands.detection import MODES, Detected, Models, run
 from benchmarks.hands.scoring import Score, score_clip
 from benchmarks.hands.sources import KINDS, Digest, Scene, make_pasted, pasted, real, rendered
 from commands.session import digester, open_runner
-from commands.weights import HELD
 from maps.settings import Origin, Settings
 from pipeline import build
 from runner import Runner
@@ -49,11 +48,6 @@ def trained(runner: Runner) -> FileTree:
     ((_, digest),) = report.outputs["hands_train.files"]
     found: FileTree = runner.store.load(digest)
     return found
-
-
-def shipped(digest: Digest) -> FileTree:
-    """Files of the network of held objects that comes with the project."""
-    return weight_files(str(HELD), digest)
 
 
 def scenes(args: argparse.Namespace, runner: Runner, digest: Digest) -> Iterator[Scene]:
@@ -134,7 +128,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=30417)
     parser.add_argument("--count", type=int, default=32, help="composite clips of each kind")
     parser.add_argument("--rendered", type=int, default=6, help="rendered clips")
-    parser.add_argument("--motion", action="store_true", help="without the network of held objects")
+    parser.add_argument("--held", type=Path, help="folder of a trained network of held objects; none by default")
     parser.add_argument("--dry", action="store_true", help="write neither page nor picture; save strips as DIR/NAME.jpg of --clips")
     args = parser.parse_args()
     torch.set_num_threads(1)
@@ -144,7 +138,7 @@ def main() -> None:
     finder = None
     if {"finder", "fused"} & set(args.modes):
         finder = weight_files(str(args.finder), digest) if args.finder else trained(runner)
-    models = Models(landmark_files(digest), finder, None if args.motion else shipped(digest))
+    models = Models(landmark_files(digest), finder, weight_files(str(args.held), digest) if args.held else None)
     costs: Costs = {}
     strips: dict[str, np.ndarray] = {}
     for scene in scenes(args, runner, digest):

@@ -8,8 +8,8 @@ Method  landmarks of sampled frames are linked to tracks; a track is a hand when
         masks follow from the shape of the landmarks, a colour model of the hands of the clip, and optical flow. A hand finder, if
         there is one, corrects these masks and adds hands without landmarks. Each track votes for one side by its arm, its place and
         the handedness of its landmarks. A touched object is what neither earlier nor later frames explain, after camera
-        registration, or what moves with the hand, where the fingers are, or what the network of held objects says; sleeves leave
-        the picture behind the wrist. GrabCut draws its outline
+        registration, or what moves with the hand, where the fingers are; sleeves leave the picture behind the wrist. The network
+        of held objects, if there is one, adds to it. GrabCut draws the outline; an object that never moves is rarely found
 Fails   when neither landmarks nor a hand finder are given, or the files of the finder are those of another model
 Paper   MediaPipe Hands (Zhang et al. 2020); replaces the annotations of VISOR for video without masks
 """
@@ -38,7 +38,7 @@ BACKENDS = {
     "sam3": "afford.extraction.hands.sam3:find",
 }
 
-NO_NETWORK, SHIPPED, TRAINED = "none", "shipped", "trained"
+NO_NETWORK, TRAINED = "none", "trained"
 """values of `held` beside a folder"""
 
 
@@ -48,8 +48,8 @@ class Params(Detection):
 
     backend: str = "landmarks"
     """finder of hands beside the landmarks: landmarks (none), network (trained by hands_train on rendered rooms) or sam3"""
-    held: str = SHIPPED
-    """network of held objects: shipped (weights/held), none, trained (held_train runs first), or a folder of its files"""
+    held: str = NO_NETWORK
+    """network of held objects: none, trained (held_train runs first), or a folder of its files"""
     sam3: Sam3 = Sam3()
     """parameters of sam3"""
 

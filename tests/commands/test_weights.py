@@ -25,8 +25,8 @@ from schemas.files import FileRef, FileTree
 from tests.helpers.tiny_root import digest
 
 ROOT = Path(__file__).resolve().parents[2]
-FROM_SETUP = ("hand_landmarks", "held")
-"""networks that `make setup` fetches, and what is built on them; without set-up there are none"""
+FROM_SETUP = ("hand_landmarks",)
+"""stages whose networks `make setup` fetches; without set-up they have none"""
 
 
 def from_setup_only(found: Settings) -> bool:
@@ -91,15 +91,14 @@ def test_settings_carry_files_of_stages_that_read_them(model: Path) -> None:
     assert from_setup_only(resolve_weights(Settings(), digest)) and not weights(Graph(), Settings(), "mask_densify")
 
 
-def test_the_network_of_held_objects_is_the_shipped_one() -> None:
-    """The default is that of weights/held, if there are landmark networks; `none` and `trained` need no files."""
-    found = dict(resolve_weights(Settings(), digest).weights)
-    assert ("held" in found) == ("hand_landmarks" in found)
-    if "held" in found:
-        assert found["held"].find("model.safetensors") and found["held"].find("config.json")
+def test_a_network_of_held_objects_is_an_input(model: Path) -> None:
+    """A named folder becomes files, if there are landmark networks; `none` and `trained` need no files."""
+    named = resolve_weights(settings([f"hand_detect.held={model}"], None), digest)
+    assert ("held" in dict(named.weights)) == ("hand_landmarks" in dict(named.weights))
     for word in ("none", "trained"):
         assert "held" not in dict(resolve_weights(settings([f"hand_detect.held={word}"], None), digest).weights)
-    if "held" in found:
+    if "held" in dict(named.weights):
+        assert named.extraction.hand_detect.held == model.name
         with pytest.raises(UsageError, match=r"hand_detect\.held: .*got nothing there"):
             resolve_weights(settings(["hand_detect.held=/no/such/folder"], None), digest)
 

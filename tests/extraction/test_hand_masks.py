@@ -122,3 +122,13 @@ def test_a_bent_wrist_is_estimated() -> None:
         odds = np.where(draw_forearm(SIZE_WH[::-1], points, turn, 1.0), 2.0, -2.0).astype(np.float32)
         assert abs(wrist_turn(points, odds) - turn) < 0.25
     assert wrist_turn(points, np.full(SIZE_WH[::-1], -2.0, np.float32)) == 0.0
+
+
+def test_the_rest_of_a_third_hand_is_dropped() -> None:
+    """A hand that is followed to a frame without landmarks, and elsewhere gives way to two with more evidence, is no hand."""
+    hands = [MadeHand(still(60, 120, COUNT), left=True, found=tuple(range(1, COUNT))),
+             MadeHand(still(160, 120, COUNT), found=tuple(range(1, COUNT))),
+             MadeHand(still(260, 120, COUNT), found=(5, 6, 7, 8, 9))]  # fmt: skip
+    found = find(*made_video(hands))
+    for side in ("left", "right"):
+        assert not any(mask[:, 230:].any() for mask in found.masks[side].values())

@@ -63,9 +63,17 @@ def _touched(
     model = ContactModel(params.reach_px, least_px, params.link_min_iou, params.rest_looks, params.least_looks, params.least_touch)
     keypoints = {side: HandKeypoints(tracks.keypoints_px[n], tracks.confidence[n]) for n, side in enumerate(SIDES)}
     held_by_finder, sleeve = (None, None) if seen is None else (seen[..., TOUCHED], seen[..., SLEEVE])
-    held = None if hold is None else [hold(rgb, {side: hands[side][k] for side in SIDES if k in hands[side]})
-                                      for k, rgb in enumerate(sampled.rgb)]  # fmt: skip
+    shown = [{side: hands[side][k] for side in SIDES if k in hands[side]} for k in range(len(sampled.at))]
+    held = None if hold is None else [_held_evidence(hold, rgb, shown[k], facing) for k, rgb in enumerate(sampled.rgb)]
     return touched_objects(sampled, hands, keypoints, evidence, model, held_by_finder, sleeve, held)
+
+
+def _held_evidence(hold: HoldFinder, rgb: np.ndarray, hands: Mapping[Hand, np.ndarray], facing: bool) -> HeldEvidence:
+    """Run the network of held objects on a picture, which is rotated by 180 degrees when the person is seen from the front."""
+    turn = slice(None, None, -1 if facing else 1)
+    turned = {side: np.ascontiguousarray(mask[turn, turn]) for side, mask in hands.items()}
+    found = hold(np.ascontiguousarray(rgb[turn, turn]), turned)
+    return HeldEvidence(found.odds[turn, turn], found.sleeve[turn, turn], found.touch)
 
 
 def _area(sampled: SampledFrames) -> int:

@@ -52,7 +52,10 @@ def find_hands(sampled: SampledFrames, landmarks: HandLandmarks | None, seen: np
 def _with_landmarks(
     sampled: SampledFrames, landmarks: HandLandmarks, seen: np.ndarray | None, params: Detection
 ) -> list[MaskedTrack]:
-    """Segment the hands with landmarks: in each sampled frame at most two, those with most evidence over time."""
+    """Segment the hands with landmarks: in each sampled frame at most two, those with most evidence over time.
+
+    What is left of a third hand in frames without landmarks is dropped.
+    """
     tracks = landmark_tracks(landmarks, sampled.rgb.shape[2], sampled.runs, params.least_evidence, params.least_presence)
     if tracks:
         size = max(tracks, key=lambda track: track.evidence * track.size_px).size_px
@@ -62,7 +65,7 @@ def _with_landmarks(
     for k in range(len(sampled.at)):
         for one in [one for one in masked if k in one.masks][len(SIDES) :]:
             del one.masks[k]
-    return [one for one in masked if one.masks]
+    return [one for one in masked if one.masks.keys() & one.track.found.keys()]
 
 
 def _finder_odds(seen: np.ndarray, trust: float) -> np.ndarray:
