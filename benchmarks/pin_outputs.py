@@ -65,11 +65,15 @@ SURFACE: Changes = {
     "view_render.size_px": 96, "view_render.directions": 64, "view_render.most": 8,
     "scorer_train.steps": 20, "scorer_train.objects": 1, "scorer_train.candidates": 4, "scorer_train.warmup": 2,
     "scorer_train.validate_every": 10}  # fmt: skip
-FINDER: Changes = {
+LESSONS: Changes = {
     "hand_plan.rooms": 1, "hand_plan.val_rooms": 1, "hand_lessons.pictures": 24, "hand_lessons.width_px": 144,
-    "hand_lessons.height_px": 80, "hand_lessons.supersample": 1, "hands_train.steps": 20, "hands_train.batch": 2,
-    "hands_train.width_px": 64, "hands_train.height_px": 32, "hands_train.warmup": 2, "hands_train.judged": 8,
-    "hands_train.validate_every": 10}  # fmt: skip
+    "hand_lessons.height_px": 80, "hand_lessons.supersample": 1}  # fmt: skip
+FINDER: Changes = {
+    **LESSONS, "hands_train.steps": 20, "hands_train.batch": 2, "hands_train.width_px": 64, "hands_train.height_px": 32,
+    "hands_train.warmup": 2, "hands_train.judged": 8, "hands_train.validate_every": 10}  # fmt: skip
+HELD: Changes = {
+    "held_train.steps": 20, "held_train.batch": 2, "held_train.size_px": 32, "held_train.warmup": 2, "held_train.judged": 8,
+    "held_train.validate_every": 10}  # fmt: skip
 SCHOOL: Changes = {
     **OBJECTS, "object_solids.points": 256, "object_solids.hulls": 8, "grasp_tasks.within_m": 1.0, "grasp_targets.places": 2,
     "hand_imitation.cloning": 3, "hand_imitation.alone": 1, "hand_imitation.worlds": 2, "hand_imitation.hidden": "16",
@@ -110,6 +114,7 @@ RUNS: dict[str, Run] = {
     "ablation": Run("ablation", {**STILLS, **CASES, **TWOHANDS, "ablation_report.rows": "full,k1", "ablation_report.seeds": 1,
                                  "ablation_report.steps": 20}),
     "hands": Run("hands", FINDER),
+    "held": Run("held", {**LESSONS, **HELD}),
     "negative-affordance": Run("negative-affordance", {**OBJECTS, **SURFACE}),
     "motions": Run("motions", {"motion_retarget.min_s": 0.0, "motion_retarget.max_error_m": 1.0}, source="motion"),
     "grasp": Run("grasp", SCHOOL),
@@ -182,7 +187,7 @@ NAMES_CODE: dict[str, str] = {
         "narration_labelling", "sample_assemble", "model_train", "sor3d_train", "sor3d_pretrain", "boxes_train",
         "extraction_report", "negative_affordance_report", "motion_files",
         "grasp_report", "sor3d_report", "static_sor3d", "static_boxes", "static_true_boxes", "static_report", "hands_train",
-        "scorer_train", "hand_imitation", "rl_grasp_refinement", "grasp_student", "motion_read", "motion_synthesise",
+        "held_train", "scorer_train", "hand_imitation", "rl_grasp_refinement", "grasp_student", "motion_read", "motion_synthesise",
         "positive_affordance_projection", "train_pack")), SCHEMAS),
     **dict.fromkeys(("clip_record", "object_record", "grasp_record", "interaction_record"), SCHEMAS),
     "dataset_pack": VERB, "train_pack": VERB, "record_dataset_pack": f"{SCHEMAS}; {VERB}",

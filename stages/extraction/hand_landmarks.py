@@ -33,7 +33,8 @@ class Params(Search):
 
 def run(media: FileTree, footage: Footage, params: Params, weights: FileTree) -> HandLandmarks:
     """Detect landmarks in a clip; ValueError names the file when media or model cannot be used."""
+    from afford.extraction.hands.proposals import HandColours
     from afford.extraction.landmarks.search import search_clip
     from afford.models.weights import weights_root
 
-    return search_clip(media, footage, weights_root(weights), params)
+    return search_clip(media, footage, weights_root(weights), params, HandColours())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from afford.extraction.landmarks.proposals import HandColours
+from afford.extraction.hands.proposals import HandColours
 from afford.extraction.landmarks.region import Region
 from tests.helpers.made_landmarks import FLAT, SIZE_WH, MadeHand, made_video, still
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from afford.extraction.hands.proposals import HandColours
 from afford.extraction.landmarks.landmarks import Landmarks
 from afford.extraction.landmarks.palm import Palm
 from afford.extraction.landmarks.parameters import Search
@@ -52,7 +53,7 @@ def frames(count: int) -> np.ndarray:
 
 
 def search(where: np.ndarray, palms: Palms, shown: Sequence[int], **params: float) -> list[list[Landmarks]]:
-    made = HandSearch(palms, Hands(where, shown), Search(**params))  # type: ignore[arg-type]  # stand-ins for the networks
+    made = HandSearch(palms, Hands(where, shown), Search(**params), HandColours())  # type: ignore[arg-type]  # stand-ins for the networks
     return made.search(frames(len(where)))
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
@@ -17,7 +18,6 @@ from afford.extraction.landmarks.geometry import hand_size, palm_centre
 from afford.extraction.landmarks.landmarks import HandLandmarker, Landmarks
 from afford.extraction.landmarks.palm import Palm, PalmDetector, box_iou
 from afford.extraction.landmarks.parameters import Search
-from afford.extraction.landmarks.proposals import HandColours
 from afford.extraction.landmarks.region import Region
 from afford.extraction.tracks.key_frames import evenly_spaced, runs
 from schemas.files import FileTree
@@ -44,9 +44,21 @@ JUMP = 1.5
 """largest mean motion of the keypoints between sampled frames while a hand is tracked, in sizes of the hand"""
 
 
-def search_clip(media: FileTree, footage: Footage, models: Path, params: Search) -> HandLandmarks:
+class Proposals(Protocol):
+    """Regions that may show hands, by what was learned of the hands of a clip."""
+
+    def learn(self, rgb: np.ndarray, hands_px: Sequence[np.ndarray]) -> None:
+        """Learn from certain hands, keypoints (21, 2) each, of a picture (h, w, 3) uint8."""
+        ...
+
+    def regions(self, rgb: np.ndarray, hands_px: Sequence[np.ndarray]) -> list[Region]:
+        """Propose regions in a picture, away from the hands that are known."""
+        ...
+
+
+def search_clip(media: FileTree, footage: Footage, models: Path, params: Search, proposals: Proposals) -> HandLandmarks:
     """Detect the landmarks of all hands in sampled frames of a clip. `models` is the folder of the two TFLite files."""
-    finder = HandSearch(PalmDetector(models / PALM), HandLandmarker(models / HAND), params)
+    finder = HandSearch(PalmDetector(models / PALM), HandLandmarker(models / HAND), params, proposals)
     number, time_ns, found, size = list[np.ndarray](), list[np.ndarray](), list[list[Landmarks]](), (1, 1)
 
     def choose(frame: np.ndarray, time_s: np.ndarray) -> np.ndarray:
@@ -85,9 +97,8 @@ def _table(clip_id: str, frame: np.ndarray, time_ns: np.ndarray, size: tuple[int
 class HandSearch:
     """Search of consecutive sampled frames for hands."""
 
-    def __init__(self, palms: PalmDetector, landmarker: HandLandmarker, params: Search) -> None:
-        self._palms, self._landmarker, self._params = palms, landmarker, params
-        self._colours = HandColours()
+    def __init__(self, palms: PalmDetector, landmarker: HandLandmarker, params: Search, proposals: Proposals) -> None:
+        self._palms, self._landmarker, self._params, self._proposals = palms, landmarker, params, proposals
 
     def search(self, rgb: np.ndarray, before: Sequence[Landmarks] = ()) -> list[list[Landmarks]]:
         """Find the hands of each of (t, h, w, 3) uint8 frames; `before` are those of the frame before the first."""
@@ -101,7 +112,7 @@ class HandSearch:
             self._track(rgb, found, before)
         if p.colour_every:
             for k in range(0, len(rgb), p.colour_every):
-                self._colours.learn(rgb[k], [one.points_px for one in found[k] if one.presence >= LEARNED])
+                self._proposals.learn(rgb[k], [one.points_px for one in found[k] if one.presence >= LEARNED])
             for k in range(0, len(rgb), p.colour_every):
                 if len(found[k]) < PERSON:
                     found[k] = unique([*found[k], *self._propose(rgb[k], found[k])])
@@ -110,7 +121,7 @@ class HandSearch:
 
     def _propose(self, rgb: np.ndarray, known: Sequence[Landmarks]) -> list[Landmarks]:
         """Detect hands in regions that their colours propose."""
-        hands = [self._refined(rgb, region) for region in self._colours.regions(rgb, [one.points_px for one in known])]
+        hands = [self._refined(rgb, region) for region in self._proposals.regions(rgb, [one.points_px for one in known])]
         return [hand for hand in hands if hand.presence >= self._params.min_proposed]
 
     def _windows(self, rgb: np.ndarray, k: int) -> list[Window]:
