@@ -72,7 +72,7 @@ def palm_detector(networks: FileTree | None) -> Path:
     found = networks.find(PALM) if networks is not None else None
     if found is None or found.path is None:
         raise ValueError("the network of held objects needs the landmark networks; run `make setup` with an internet "
-                         "connection, or choose --set hand_detect.held_objects=motion")  # fmt: skip
+                         "connection, or choose --set hand_detect.held=none")  # fmt: skip
     return found.path
 
 
