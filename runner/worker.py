@@ -49,6 +49,7 @@ def main(channel_fd: str, lifeline_fd: str, counters_fd: str) -> None:
         try:
             _run(batch, place, outbox, counters)
         except BrokenPipeError:  # the scheduler is gone
+            place.close()
             return
 
 
