@@ -27,10 +27,10 @@ def resolve_weights(chosen: Settings, digest: Callable[[Path], str]) -> Settings
     if networks is not None:
         found["hand_landmarks"] = networks
         named["hand_landmarks"] = dataclasses.replace(chosen.extraction.hand_landmarks, model="")
-        held = chosen.extraction.hand_detect.held
-        if held not in (NO_NETWORK, TRAINED):
-            found["held"] = _files("hand_detect.held", held, digest)
-            named["hand_detect"] = dataclasses.replace(chosen.extraction.hand_detect, held=_label(held))
+    held = chosen.extraction.hand_detect.held
+    if held not in (NO_NETWORK, TRAINED):
+        found["held"] = _files("hand_detect.held", held, digest)
+        named["hand_detect"] = dataclasses.replace(chosen.extraction.hand_detect, held=_label(held))
     for stage in SYSTEM_OF:
         params = named.get(stage, chosen.params(stage))
         if getattr(params, "backbones", ""):

@@ -121,12 +121,12 @@ def detect_hands(g: Graph, seen: Decoded, p: Settings) -> DetectedHands:
 
 
 def _held(g: Graph, p: Settings) -> dict[str, FileTree]:
-    """Network of held objects, shipped, named or trained first, and the landmark networks that it reads; empty without these."""
+    """Network of held objects, named or trained first, and the landmark networks that it reads; empty where none is asked for."""
     given, trained = dict(p.weights), p.extraction.hand_detect.held == TRAINED
-    if "hand_landmarks" not in given or not (trained or "held" in given):
+    if not (trained or "held" in given):
         return {}
-    held = g.pick(holder(g, p), lambda t: t.files) if trained else g.leaf("held_weights", given["held"])
-    return {"held": held, "networks": g.leaf("hand_detect_networks", given["hand_landmarks"])}
+    held = g.pick(held_network(g, p), lambda t: t.files) if trained else g.leaf("held_weights", given["held"])
+    return {"held": held, "networks": g.leaf("hand_detect_networks", _landmark_networks(p))}
 
 
 def _lessons(g: Graph, p: Settings) -> tuple[HandLessons, ...]:
@@ -140,12 +140,16 @@ def finder(g: Graph, p: Settings) -> Trained:
     return g.add(hands_train.run, lessons=_lessons(g, p), params=p.extraction.hands_train, ctx=g.ctx, **files)
 
 
-def holder(g: Graph, p: Settings) -> Trained:
+def held_network(g: Graph, p: Settings) -> Trained:
     """Train the network of held objects on the rooms of the hand finder; the stage fails without the landmark networks."""
-    networks = dict(p.weights).get("hand_landmarks", FileTree("landmark_networks", ()))
     files = {"photographs": g.leaf("held_train_photographs", shown)} if (shown := dict(p.weights).get("held_train")) else {}
-    return g.add(held_train.run, lessons=_lessons(g, p), networks=g.leaf("held_train_networks", networks),
+    return g.add(held_train.run, lessons=_lessons(g, p), networks=g.leaf("held_train_networks", _landmark_networks(p)),
                  params=p.extraction.held_train, ctx=g.ctx, **files)  # fmt: skip
+
+
+def _landmark_networks(p: Settings) -> FileTree:
+    """Files of the landmark networks; without set-up an empty list, which a stage that needs them refuses."""
+    return dict(p.weights).get("hand_landmarks", FileTree("landmark_networks", ()))
 
 
 def _training_files(p: Settings) -> dict[str, FileTree]:
@@ -247,7 +251,7 @@ def hands(g: Graph, origin: Origin, p: Settings) -> None:
 
 def held(g: Graph, origin: Origin, p: Settings) -> None:
     """Train the network that segments what a hand holds, on rendered rooms."""
-    trained = holder(g, p)
+    trained = held_network(g, p)
     g.target("held", g.pick(trained, lambda t: t.files), record_training(g, "held_train", trained, p.extraction.held_train))
 
 

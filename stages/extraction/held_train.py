@@ -6,9 +6,8 @@ Writes  Trained: files (config.json, model.safetensors, card.md, previews/, tens
 Method  crops around one hand, with its mask and that of the other hand, disturbed as detection errs; a decoder on the frozen
         feature maps of the palm detector, which was trained on real hands, and on an encoder of the masks that is trained too.
         Outputs: held object, sleeve, touch. Backgrounds, skin, light, blur, noise and JPEG are augmented. Cross-entropy and Dice
-        losses,
-        AdamW, linear warm-up and decay; the weights of the best validation are kept, without those of the frozen encoder. A killed
-        training resumes to the same weights
+        losses, AdamW, linear warm-up and decay; the weights of the best validation are kept, without those of the frozen encoder.
+        A killed training resumes to the same weights
 Fails   when a split lacks pictures with hands, or pictures without; when a photograph is not readable
 Paper   replaces annotated objects (VISOR) for video without masks; no paper
 """

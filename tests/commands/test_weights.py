@@ -92,15 +92,13 @@ def test_settings_carry_files_of_stages_that_read_them(model: Path) -> None:
 
 
 def test_a_network_of_held_objects_is_an_input(model: Path) -> None:
-    """A named folder becomes files, if there are landmark networks; `none` and `trained` need no files."""
+    """A named folder becomes files; `none` and `trained` need no files."""
     named = resolve_weights(settings([f"hand_detect.held={model}"], None), digest)
-    assert ("held" in dict(named.weights)) == ("hand_landmarks" in dict(named.weights))
+    assert dict(named.weights)["held"].find("config.json") and named.extraction.hand_detect.held == model.name
     for word in ("none", "trained"):
         assert "held" not in dict(resolve_weights(settings([f"hand_detect.held={word}"], None), digest).weights)
-    if "held" in dict(named.weights):
-        assert named.extraction.hand_detect.held == model.name
-        with pytest.raises(UsageError, match=r"hand_detect\.held: .*got nothing there"):
-            resolve_weights(settings(["hand_detect.held=/no/such/folder"], None), digest)
+    with pytest.raises(UsageError, match=r"hand_detect\.held: .*got nothing there"):
+        resolve_weights(settings(["hand_detect.held=/no/such/folder"], None), digest)
 
 
 def test_the_initial_weights_of_a_training_are_an_input(model: Path) -> None:

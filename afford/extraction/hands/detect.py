@@ -73,7 +73,7 @@ def _held_evidence(hold: HoldFinder, rgb: np.ndarray, hands: Mapping[Hand, np.nd
     turn = slice(None, None, -1 if facing else 1)
     turned = {side: np.ascontiguousarray(mask[turn, turn]) for side, mask in hands.items()}
     found = hold(np.ascontiguousarray(rgb[turn, turn]), turned)
-    return HeldEvidence(found.odds[turn, turn], found.sleeve[turn, turn], found.touch)
+    return HeldEvidence(found.odds[turn, turn], found.touch)
 
 
 def _area(sampled: SampledFrames) -> int:

@@ -16,7 +16,5 @@ class HeldEvidence:
 
     odds: np.ndarray
     """(h, w) float32, log odds of an object that any hand holds; 0 outside the crops"""
-    sleeve: np.ndarray
-    """(h, w) float32, log odds of a sleeve; 0 outside the crops"""
     touch: Mapping[Hand, float]
     """side -> probability that the hand touches an object"""

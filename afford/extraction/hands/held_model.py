@@ -17,7 +17,7 @@ from afford.extraction.hands.model import layer, reduction, resize
 from afford.extraction.hands.palm_encoder import PalmEncoder
 
 HELD, SLEEVE = range(2)
-"""channels of the logits"""
+"""channels of the logits; the sleeve is learned beside the object, to tell them apart, and is not used in detection"""
 NEAR_PX = 6
 """surroundings of a hand that tell of a touch, px of the crop"""
 OWN, OTHER = range(2)

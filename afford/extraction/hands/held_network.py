@@ -18,7 +18,7 @@ from torch import Tensor
 from afford.common.files import empty_folder
 from afford.extraction.hands.held_crops import HandCrop
 from afford.extraction.hands.held_evidence import HeldEvidence
-from afford.extraction.hands.held_model import HELD, SLEEVE, HeldConfig, HeldNetwork, inputs
+from afford.extraction.hands.held_model import HELD, HeldConfig, HeldNetwork, inputs
 from afford.extraction.hands.palm_encoder import read_palm_encoder
 from afford.extraction.landmarks.files import PALM
 from afford.models.loading import CONFIG, WEIGHTS, fill_weights, read_config, write_model
@@ -84,15 +84,13 @@ def _file(where: FileTree, name: str) -> Path:
 
 
 @torch.inference_mode()
-def held_evidence(
-    rgb: np.ndarray, hands: Mapping[Hand, np.ndarray], files: FileTree, palm: Path
-) -> HeldEvidence:
+def held_evidence(rgb: np.ndarray, hands: Mapping[Hand, np.ndarray], files: FileTree, palm: Path) -> HeldEvidence:
     """Segment what the hands of a picture (h, w, 3) uint8 hold; `hands` are their masks (h, w) bool by side."""
     sides = [side for side in SIDES if side in hands and hands[side].any()]
     shape = rgb.shape[:2]
-    odds, cloth, touch = np.zeros(shape, np.float32), np.zeros(shape, np.float32), dict[Hand, float]()
+    odds, touch = np.zeros(shape, np.float32), dict[Hand, float]()
     if not sides:
-        return HeldEvidence(odds, cloth, touch)
+        return HeldEvidence(odds, touch)
     network = _cached_network(files, palm)
     crops = [HandCrop.around(hands[side], network.config.size_px) for side in sides]
     masks = np.stack([[crop.mask(hands[side]), crop.mask(_others(hands, side, shape))]
@@ -100,10 +98,9 @@ def held_evidence(
     logits, touched = network(*inputs(np.stack([crop.picture(rgb) for crop in crops]), masks))
     for n, (crop, side) in enumerate(zip(crops, sides, strict=True)):
         touch[side] = float(touched[n].sigmoid())
-        held, sleeve = (crop.paste(np.clip(logits[n, plane].numpy(), -LIMIT, LIMIT), shape, 0.0) for plane in (HELD, SLEEVE))
-        odds = np.where(np.abs(odds) > 0, np.maximum(odds, held), held)
-        cloth = np.where(np.abs(cloth) > 0, np.maximum(cloth, sleeve), sleeve)
-    return HeldEvidence(odds, cloth, touch)
+        held = crop.paste(np.clip(logits[n, HELD].numpy(), -LIMIT, LIMIT), shape, 0.0)
+        odds = np.where(odds != 0, np.maximum(odds, held), held)
+    return HeldEvidence(odds, touch)
 
 
 def _others(hands: Mapping[Hand, np.ndarray], side: Hand, shape: tuple[int, ...]) -> np.ndarray:

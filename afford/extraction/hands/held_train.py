@@ -142,8 +142,8 @@ def sample(shown: LabelledPictures, size_px: int, rng: np.random.Generator) -> S
     scale, turn_deg = np.exp(rng.uniform(*np.log(SCALES))), rng.uniform(-TURN_DEG, TURN_DEG)
     right, down = rng.uniform(-SHIFT, SHIFT, 2)
     crop = HandCrop.around(hand, size_px, float(scale), float(np.radians(turn_deg)), (float(right), float(down)))
-    own = disturbed(hand, cloth, rng)
-    known = np.zeros_like(other) if rng.random() < ALONE else disturbed(other, cloth, rng)
+    own = jittered_mask(hand, cloth, rng)
+    known = np.zeros_like(other) if rng.random() < ALONE else jittered_mask(other, cloth, rng)
     seen = camera_effects(colour_jitter(crop.picture(rgb), rng), rng, AUGMENTATION)
     masks = np.stack([crop.mask(own), crop.mask(known & ~own)])
     return seen, masks, np.stack([crop.mask(held), crop.mask(cloth)]), bool(held.any())
@@ -163,7 +163,7 @@ def held_by(labels: np.ndarray, hand: np.ndarray, other: np.ndarray) -> np.ndarr
     return found if found.any() and away[found].min() <= BESIDE_PX else np.zeros_like(touched)
 
 
-def disturbed(mask: np.ndarray, cloth: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+def jittered_mask(mask: np.ndarray, cloth: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Change a mask (h, w) bool as detection errs: shifted, larger or smaller, with a sleeve, or with a part missing."""
     out = mask
     if rng.random() < WITH_SLEEVE:
@@ -176,7 +176,8 @@ def disturbed(mask: np.ndarray, cloth: np.ndarray, rng: np.random.Generator) -> 
         turn, n = float(rng.uniform(0, 2 * np.pi)), int(rng.integers(len(x)))
         rows, columns = np.mgrid[: out.shape[0], : out.shape[1]]
         out = out & ((columns - x[n]) * np.cos(turn) + (rows - y[n]) * np.sin(turn) <= 0)
-    return np.roll(out, rng.integers(-1, 2, 2), (0, 1))
+    down, right = 1 + rng.integers(-1, 2, 2)
+    return np.pad(out, 1)[down : down + out.shape[0], right : right + out.shape[1]]
 
 
 def _stacked(samples: Sequence[Sample]) -> Crops:

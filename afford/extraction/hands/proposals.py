@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from afford.extraction.hands.colours import ClipColours, skin_preference
+from afford.extraction.hands.colours import BLUR_PX, COUNT, FLOOR_HAND, FLOOR_OTHER, MAX_ODDS, ClipColours, skin_preference
 from afford.extraction.hands.refine import colour_bins, histogram_density
 from afford.extraction.landmarks.geometry import draw_hand
 from afford.extraction.landmarks.region import Region
@@ -30,17 +30,13 @@ CORE, TAKEN = 0.05, 0.3
 """radius of the bones whose colours are learned, and around which nothing is proposed, in sizes of the hand"""
 LEAST_PX = 200
 """pixels of hands from which their colours are used"""
-BLUR_PX = 0.8
-FLOOR_HAND, FLOOR_OTHER, MAX_ODDS = 0.01, 0.06, 3.0
-"""density added to every bin, in units of a uniform density; limit of the log odds"""
 
 
 class HandColours:
     """Colours of the hands of a clip, learned as they are found."""
 
     def __init__(self) -> None:
-        count = len(skin_preference())
-        self._hand, self._other = np.zeros(count), np.zeros(count)
+        self._hand, self._other = np.zeros(COUNT), np.zeros(COUNT)
 
     def learn(self, rgb: np.ndarray, hands_px: Sequence[np.ndarray]) -> None:
         """Count the colours of certain hands, keypoints (21, 2) each, and of everything else in a picture."""
@@ -67,8 +63,8 @@ class HandColours:
         """Agreement (n,) from -1 to 1 of every colour bin with the hands of the clip; None before any is known."""
         if self._hand.sum() < LEAST_PX:
             return None
-        floors = FLOOR_HAND / len(self._hand), FLOOR_OTHER / len(self._hand)
-        odds = np.log(histogram_density(self._hand) + floors[0]) - np.log(histogram_density(self._other) + floors[1])
+        hand, other = (histogram_density(counts) for counts in (self._hand, self._other))
+        odds = np.log(hand + FLOOR_HAND / COUNT) - np.log(other + FLOOR_OTHER / COUNT)
         return np.asarray(np.clip(odds / MAX_ODDS, -1, 1))
 
 
