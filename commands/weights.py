@@ -18,8 +18,8 @@ from stages.extraction.hand_detect import NO_NETWORK, TRAINED
 def resolve_weights(chosen: Settings, digest: Callable[[Path], str]) -> Settings:
     """Add the files of every model that a selected backend reads, and of the `backbones` of a training.
 
-    The landmark networks are those of `make setup`, if they are there. `model` and `backbones` keep only a name, so that the
-    location is not part of the key. UsageError when a model cannot be found.
+    The landmark networks and MobileSAM are those of `make setup`, if they are there. `model` and `backbones` keep only a name, so
+    that the location is not part of the key. UsageError when a model cannot be found.
     """
     found: dict[str, FileTree] = {}
     named: dict[str, Any] = {}
@@ -27,6 +27,9 @@ def resolve_weights(chosen: Settings, digest: Callable[[Path], str]) -> Settings
     if networks is not None:
         found["hand_landmarks"] = networks
         named["hand_landmarks"] = dataclasses.replace(chosen.extraction.hand_landmarks, model="")
+    segment = _segment_networks(digest) if chosen.extraction.hand_detect.segment != NO_NETWORK else None
+    if segment is not None:
+        found["segment"] = segment
     held = chosen.extraction.hand_detect.held
     if held not in (NO_NETWORK, TRAINED):
         found["held"] = _files("hand_detect.held", held, digest)
@@ -87,6 +90,12 @@ def _landmark_networks(folder: str, digest: Callable[[Path], str]) -> FileTree |
         return landmark_files(digest, folder)
     except ValueError as error:
         raise UsageError(f"hand_landmarks.model: {error}") from error
+
+
+def _segment_networks(digest: Callable[[Path], str]) -> FileTree | None:
+    from afford.extraction.prompted.files import segment_files
+
+    return segment_files(digest)
 
 
 def _photographs(parameter: str, folder: str, digest: Callable[[Path], str]) -> FileTree:

@@ -117,6 +117,8 @@ def detect_hands(g: Graph, seen: Decoded, p: Settings) -> DetectedHands:
                                        **weights(g, p, "hand_landmarks"))
     trained = {"weights": g.pick(finder(g, p), lambda t: t.files)} if params.backend == "network" else {}
     arguments |= (trained or weights(g, p, "hand_detect")) | _held(g, p)
+    if "segment" in given:
+        arguments["segment"] = g.leaf("hand_detect_segment", given["segment"])
     return g.add(hand_detect.run, clip=seen.clip, frames=seen.frames, params=params, **arguments)
 
 

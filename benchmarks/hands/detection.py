@@ -21,11 +21,12 @@ MODES = ("finder", "landmarks", "fused")
 
 @dataclass(frozen=True)
 class Models:
-    """Files of the landmark networks, of a trained hand finder and of the network of held objects, None where they are missing."""
+    """Files of the landmark networks, a trained hand finder, the network of held objects and MobileSAM, None where missing."""
 
     landmarks: FileTree | None
     finder: FileTree | None
     held: FileTree | None = None
+    segment: FileTree | None = None
 
     def modes(self) -> tuple[str, ...]:
         """List the modes that these files allow."""
@@ -60,7 +61,8 @@ def run(files: FileTree, viewpoint: str, mode: str, models: Models) -> Detected:
         if mode != "finder" and models.landmarks is not None:
             seen = hand_landmarks.run(media, footage, hand_landmarks.Params(), models.landmarks)
         held = {} if seen is None else {"held": models.held, "networks": models.landmarks}
-        detected = hand_detect.run(clip, frames, params, seen, models.finder if backend == "network" else None, **held)
+        finder = models.finder if backend == "network" else None
+        detected = hand_detect.run(clip, frames, params, seen, finder, **held, segment=models.segment)
         out.cpu_s += time.process_time() - started
         out.frames.append(frames)
         tracks = mask_densify.run(detected.clip, frames, mask_densify.Params())

@@ -19,6 +19,7 @@ import torch
 
 from afford.common.image_files import encode_jpeg
 from afford.extraction.landmarks.files import landmark_files
+from afford.extraction.prompted.files import segment_files
 from benchmarks.hands import photographs, score
 from benchmarks.hands.clip_truth import VIDEO, ClipTruth
 from benchmarks.hands.detection import Models, run
@@ -90,7 +91,7 @@ def main() -> None:
     cv2.setNumThreads(1)
     score.TILE_PX = 400
     digest = digester(open_runner(args.store, jobs=1))
-    models, tiles = Models(landmark_files(digest), None), []
+    models, tiles = Models(landmark_files(digest), None, segment=segment_files(digest)), []
     for failure in FAILURES:
         one = scene(failure, args, digest)
         if one is not None:

@@ -22,6 +22,7 @@ import torch
 from afford.common.image_files import encode_jpeg
 from afford.common.palette import HANDS
 from afford.extraction.landmarks.files import landmark_files
+from afford.extraction.prompted.files import segment_files
 from afford.models.weights import weight_files
 from benchmarks.hands import photographs
 from benchmarks.hands.detection import MODES, Detected, Models, run
@@ -140,7 +141,8 @@ def main() -> None:
     finder = None
     if {"finder", "fused"} & set(args.modes):
         finder = weight_files(str(args.finder), digest) if args.finder else trained(runner)
-    models = Models(landmark_files(digest), finder, weight_files(str(args.held), digest) if args.held else None)
+    models = Models(landmark_files(digest), finder, weight_files(str(args.held), digest) if args.held else None,
+                    segment_files(digest))  # fmt: skip
     costs: Costs = {}
     strips: dict[str, np.ndarray] = {}
     for scene in scenes(args, runner, digest):

@@ -25,8 +25,8 @@ from schemas.files import FileRef, FileTree
 from tests.helpers.tiny_root import digest
 
 ROOT = Path(__file__).resolve().parents[2]
-FROM_SETUP = ("hand_landmarks",)
-"""stages whose networks `make setup` fetches; without set-up they have none"""
+FROM_SETUP = ("hand_landmarks", "segment")
+"""inputs of networks that `make setup` fetches; without set-up there are none"""
 
 
 def from_setup_only(found: Settings) -> bool:

@@ -12,14 +12,17 @@ import pytest
 from afford.common.masks import iou
 from afford.extraction.hands.forearm import forearms
 from afford.extraction.hands.grip import HandKeypoints, finger_contact, grip_ring
-from afford.extraction.hands.held_objects import NOTHING, ContactModel, TouchedObjects, fill_holes, touched_objects
+from afford.extraction.hands.held_objects import NOTHING, ContactModel, TouchedObjects, touched_objects
 from afford.extraction.hands.motion import SampledFrames, sample_frames
+from afford.extraction.hands.moving_objects import fill_holes
 from afford.extraction.hands.object_evidence import EvidenceModel
 from afford.extraction.hands.still_background import StillBackground
+from afford.extraction.hands.touch_paths import PathModel
 from schemas.video import Frames
 
 HEIGHT, WIDTH, COUNT = 128, 224, 24
-MODEL = ContactModel(4, 60.0, 0.2, 15, 3)
+PATH = PathModel(touch=0.0, same=2.0, change=1.0, unsure=-1.0)
+MODEL = ContactModel(4, 60.0, 0.2, 15, 3, PATH, 0.5)
 SKIN, CARD, CLOTH = (224, 172, 140), (40, 60, 170), (40, 110, 60)
 
 

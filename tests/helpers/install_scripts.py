@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import importlib.util
+import sys
 from pathlib import Path
+from unittest.mock import patch
 from types import ModuleType
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -14,5 +16,6 @@ def of_install(name: str) -> ModuleType:
     spec = importlib.util.spec_from_file_location(f"install_{name}", ROOT / "install" / f"{name}.py")
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
+    with patch.object(sys, "path", [str(ROOT / "install"), *sys.path]):  # as Python does for a script
+        spec.loader.exec_module(module)
     return module

@@ -65,6 +65,16 @@ class Detection:
     """least probability of a touch, from the network of held objects where there is one"""
     lasting: float = 0.9
     """weight of the object odds of the previous sampled frame, warped by motion, against 1 for those of the frame itself"""
+    segment_s: float = 0.5
+    """seconds between two frames in which touched objects are segmented"""
+    touch: float = 2.0
+    """log odds added to every candidate for a touched object; less than 0 finds fewer touches"""
+    same: float = 1.0
+    """weight of the overlap with the touched object of the segmented frame before (log odds)"""
+    change: float = 0.5
+    """cost of another touched object, of a touch that begins and of one that ends (log odds)"""
+    unsure: float = -1.0
+    """log odds of the best candidate from which a hand without a touch is reported"""
     edge_px: int = 4
     """radius of the guided filter that aligns outlines of hands with image edges"""
     link_min_iou: float = 0.2

@@ -19,6 +19,8 @@ from afford.extraction.hands.motion import SampledFrames, sample_frames
 from afford.extraction.hands.object_evidence import EvidenceModel, HandMasks
 from afford.extraction.hands.part_tracks import Track
 from afford.extraction.hands.refine import smooth_over_time
+from afford.extraction.hands.touch_paths import PathModel
+from afford.extraction.prompted import Segmenter
 from afford.extraction.sources.narrations import DEFAULT_TASK
 from afford.extraction.sources.outlines import trace
 from afford.extraction.tracks.key_frames import evenly_spaced
@@ -35,13 +37,13 @@ NO_LANDMARKS = "hands were found by the hand finder alone: the landmark networks
 
 
 def detect(clip: Clip, frames: Frames, find: Finder, params: Detection, landmarks: HandLandmarks | None = None,
-           hold: HoldFinder | None = None) -> DetectedHands:  # fmt: skip
+           hold: HoldFinder | None = None, segment: Segmenter | None = None) -> DetectedHands:  # fmt: skip
     """Detect the hands, and add key frames about `every_s` apart to the clip."""
     sampled = sample_frames(frames, params.look_s, None if landmarks is None else landmarks.frame)
     seen = _probabilities(sampled, find, params)
     hands = find_hands(sampled, landmarks, seen, params)
     tracks = hand_tracks(clip.clip_id, frames, sampled, hands, params)
-    found = _touched(seen, sampled, hands.masks, tracks, params, hold)
+    found = _touched(seen, sampled, hands.masks, tracks, params, hold, segment)
     keys = _key_samples(sampled, params.every_s)
     object_names = name_objects(found.objects, found.contact, clip.narrations, frames.frame[sampled.at])
     remarks = (*(() if landmarks is not None else (NO_LANDMARKS,)), *found.reasons)
@@ -53,19 +55,21 @@ def detect(clip: Clip, frames: Frames, find: Finder, params: Detection, landmark
 
 def _touched(
     seen: np.ndarray | None, sampled: SampledFrames, hands: HandMasks, tracks: HandTracks, params: Detection,
-    hold: HoldFinder | None,
+    hold: HoldFinder | None, segment: Segmenter | None,
 ) -> TouchedObjects:
     """Find the touched objects; `seen` are the probabilities of the hand finder, if there is one."""
     width, facing = sampled.rgb.shape[2], params.viewpoint == "facing"
     evidence = EvidenceModel(params.foreground, params.motion, params.sleeve, params.lasting, params.far * width, facing,
                              params.held_weight)  # fmt: skip
     least_px = params.least_object * _area(sampled)
-    model = ContactModel(params.reach_px, least_px, params.link_min_iou, params.rest_looks, params.least_looks, params.least_touch)
+    path = PathModel(params.touch, params.same, params.change, params.unsure)
+    model = ContactModel(params.reach_px, least_px, params.link_min_iou, params.rest_looks, params.least_looks, path,
+                         params.segment_s, params.least_touch)  # fmt: skip
     keypoints = {side: HandKeypoints(tracks.keypoints_px[n], tracks.confidence[n]) for n, side in enumerate(SIDES)}
     held_by_finder, sleeve = (None, None) if seen is None else (seen[..., TOUCHED], seen[..., SLEEVE])
     shown = [{side: hands[side][k] for side in SIDES if k in hands[side]} for k in range(len(sampled.at))]
     held = None if hold is None else [_held_evidence(hold, rgb, shown[k], facing) for k, rgb in enumerate(sampled.rgb)]
-    return touched_objects(sampled, hands, keypoints, evidence, model, held_by_finder, sleeve, held)
+    return touched_objects(sampled, hands, keypoints, evidence, model, held_by_finder, sleeve, held, segment)
 
 
 def _held_evidence(hold: HoldFinder, rgb: np.ndarray, hands: Mapping[Hand, np.ndarray], facing: bool) -> HeldEvidence:
