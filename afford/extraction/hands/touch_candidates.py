@@ -12,7 +12,7 @@ from afford.common.masks import dilate, erode
 from afford.extraction.hands.grip import grip_ring, palm_size_px
 from afford.extraction.prompted import AtPoint
 
-POINTS = 8
+POINTS = 12
 """points at which a picture is segmented for one hand"""
 GRIP_TIPS = (4, 8, 12)
 """keypoints around the usual place of a held object: tips of thumb, index and middle finger"""

@@ -7,10 +7,10 @@ import numpy as np
 from afford.extraction.hands.touch_candidates import FEATURES
 
 WEIGHTS = {
-    "quality": 1.593, "stable": 0.570, "size": 0.432, "size squared": -0.103, "picture border": -6.189, "hand inside hull": -0.996,
-    "ring covered": 1.947, "unexplained": 1.881, "along": 0.883, "agreement": 2.293, "distance": -0.535, "far": -1.668,
+    "quality": 1.353, "stable": 0.321, "size": 0.378, "size squared": -0.106, "picture border": -5.546, "hand inside hull": -0.987,
+    "ring covered": 1.371, "unexplained": 1.949, "along": 0.861, "agreement": 3.040, "distance": -0.420, "far": -1.633,
 }  # fmt: skip
-BIAS = -5.017
+BIAS = -4.834
 
 
 def touch_scores(features: np.ndarray) -> np.ndarray:
