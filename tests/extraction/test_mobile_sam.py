@@ -45,7 +45,7 @@ def test_points_outline_what_is_there(networks: FileTree, picture: np.ndarray) -
 
 
 def test_outlines_are_the_same_bytes_on_every_call(networks: FileTree, picture: np.ndarray) -> None:
-    """Twice the same picture and point, and a tall picture is treated as a wide one."""
+    """The same picture and point twice; a tall picture is treated as a wide one."""
     first, again = (segmenter(networks, picture)((90.0, 120.0)) for _ in range(2))
     assert np.array_equal(first.logits, again.logits) and np.array_equal(first.quality, again.quality)
     tall = segmenter(networks, np.ascontiguousarray(picture.transpose(1, 0, 2)))((120.0, 90.0))

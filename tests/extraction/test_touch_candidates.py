@@ -57,7 +57,7 @@ def test_candidates_are_at_the_fingers_and_without_hands() -> None:
 
 
 def test_an_object_away_from_the_hand_is_no_candidate() -> None:
-    """What no point beside the fingers hits."""
+    """No point beside the fingers hits it."""
     assert len(touch_candidates(drawn((abs(X - 140) < 12) & (abs(Y - 20) < 10)), grip()).masks) == 0
 
 

@@ -85,7 +85,7 @@ def test_objects_are_carried_to_the_frames_between() -> None:
     assert np.array_equal(hidden[6], PLATE & ~(X > 55))
 
 
-def test_nothing_is_carried_across_a_cut() -> None:
+def test_masks_are_not_carried_across_a_cut() -> None:
     """Forwards and backwards the mask is empty behind the cut, and unchanged before it."""
     sampled = still(cut=5)
     assert np.array_equal(carried(CUP, 0, 4, sampled), CUP) and not carried(CUP, 0, 5, sampled).any()

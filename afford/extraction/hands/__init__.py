@@ -68,7 +68,7 @@ class Detection:
     segment_s: float = 0.5
     """seconds between two frames in which touched objects are segmented"""
     touch: float = 2.75
-    """log odds added to every candidate for a touched object: assumes that four of five hands touch one; less finds fewer touches"""
+    """log odds added to each candidate for a touched object: assumes that four of five hands touch one; less finds fewer touches"""
     same: float = 1.0
     """weight of the overlap with the touched object of the segmented frame before (log odds)"""
     change: float = 0.5
