@@ -67,7 +67,7 @@ class Detection:
     """weight of the object odds of the previous sampled frame, warped by motion, against 1 for those of the frame itself"""
     segment_s: float = 0.5
     """seconds between two frames in which touched objects are segmented"""
-    touch: float = 2.75
+    touch: float = 2.5
     """log odds added to each candidate for a touched object: assumes that four of five hands touch one; less finds fewer touches"""
     same: float = 1.0
     """weight of the overlap with the touched object of the segmented frame before (log odds)"""
