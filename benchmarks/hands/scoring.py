@@ -101,7 +101,7 @@ def score_frame(truth: ClipTruth, t: int, found: list[Found]) -> Score:
     overlap = np.zeros((len(sides), len(found)))
     for i, n in enumerate(sides):
         for j, one in enumerate(found):
-            overlap[i, j] = iou(one.mask, _sized(truth.hands[n, t], one.mask.shape))
+            overlap[i, j] = iou(one.mask, sized(truth.hands[n, t], one.mask.shape))
     pairs = [(i, j) for i, j in zip(*linear_sum_assignment(-overlap), strict=True) if overlap[i, j] >= GOOD_IOU]
     matched = dict(pairs)
     asked = [i for i, n in enumerate(sides) if truth.hands[n, t].sum() >= floor]
@@ -128,7 +128,7 @@ def _compare(truth: ClipTruth, t: int, n: int, one: Found, out: Score) -> None:
         thing = truth.touched[n, t]
         if touches and thing.sum() >= BIG_THING * thing.size:
             out.things += 1
-            out.things_found += one.thing is not None and iou(one.thing, _sized(thing, one.thing.shape)) >= GOOD_IOU
+            out.things_found += one.thing is not None and iou(one.thing, sized(thing, one.thing.shape)) >= GOOD_IOU
     if truth.keypoints_known[n, t]:
         _points(truth.keypoints_px[n, t], truth.keypoints_m[n, t], truth.hands.shape[2:], one, out)
 
@@ -157,6 +157,6 @@ def focal_px(pixels: np.ndarray, metres: np.ndarray) -> float:
     return float((spread * seen).sum() / (spread**2).sum())
 
 
-def _sized(mask: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+def sized(mask: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
     """Resize a mask by the majority of the area."""
     return np.asarray(cv2.resize(mask.astype(np.float32), shape[::-1], interpolation=cv2.INTER_AREA) >= 0.5)

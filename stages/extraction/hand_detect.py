@@ -42,7 +42,7 @@ BACKENDS = {
 }
 
 NO_NETWORK, TRAINED = "none", "trained"
-"""values of `held` beside a folder"""
+"""values of `held` beside a folder; the first is one of `segment` too"""
 NO_OUTLINES = ("touched objects are outlined by motion alone: the networks of MobileSAM are not installed (`make setup` fetches "
                "them with npm)")  # fmt: skip
 

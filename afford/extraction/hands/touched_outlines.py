@@ -18,8 +18,8 @@ from schemas.video import SIDES, Hand
 
 
 @dataclass(frozen=True)
-class Scene:
-    """A clip's hands and the evidence around them in all sampled frames."""
+class HandEvidence:
+    """Hands of a clip and the evidence around them in all sampled frames."""
 
     hands: HandMasks
     keypoints: Keypoints
@@ -32,39 +32,39 @@ class Scene:
 
 
 def touched_outlines(
-    sampled: SampledFrames, scene: Scene, segment: Segmenter, every_s: float, model: PathModel
+    sampled: SampledFrames, around: HandEvidence, segment: Segmenter, every_s: float, model: PathModel
 ) -> tuple[list[dict[Hand, np.ndarray]], list[int]]:
     """Find what each hand touches: in every sampled frame side -> mask (h, w) bool; and the frames with an unsure touch."""
     held: list[dict[Hand, np.ndarray]] = [{} for _ in sampled.at]
     unsure = set[int]()
     for run in sampled.runs:
-        found = run_candidates(sampled, run, scene, segment, every_s)
-        skin = [all_hands(scene.hands, k, sampled.rgb.shape[1:3]) for k in run]
+        found = run_candidates(sampled, run, around, segment, every_s)
+        skin = [all_hands(around.hands, k, sampled.rgb.shape[1:3]) for k in run]
         for side in SIDES:
             path = touch_path(found[side], sampled, model)
             unsure |= set(path.unsure)
-            for k, mask in fill_between(path, scene.hands[side], skin, sampled, run).items():
+            for k, mask in fill_between(path, around.hands[side], skin, sampled, run).items():
                 held[k][side] = mask
     return held, sorted(unsure)
 
 
 def run_candidates(
-    sampled: SampledFrames, run: range, scene: Scene, segment: Segmenter, every_s: float
+    sampled: SampledFrames, run: range, around: HandEvidence, segment: Segmenter, every_s: float
 ) -> dict[Hand, dict[int, Candidates]]:
     """Segment the frames of a run that are about `every_s` apart, at every visible hand."""
     out: dict[Hand, dict[int, Candidates]] = {side: {} for side in SIDES}
     for k in (run[i] for i in evenly_spaced(sampled.time_s[run.start : run.stop], every_s)):
-        shown = [side for side in SIDES if k in scene.hands[side]]
+        shown = [side for side in SIDES if k in around.hands[side]]
         if not shown:
             continue
         at = segment(sampled.rgb[k])
         for side in shown:
-            out[side][k] = touch_candidates(at, grip_at(sampled, k, side, scene))
+            out[side][k] = touch_candidates(at, grip_at(sampled, k, side, around))
     return out
 
 
-def grip_at(sampled: SampledFrames, k: int, side: Hand, scene: Scene) -> Grip:
+def grip_at(sampled: SampledFrames, k: int, side: Hand, around: HandEvidence) -> Grip:
     """Collect what is known of a hand in a sampled frame that shows it."""
-    hand, skin = scene.hands[side][k], all_hands(scene.hands, k, sampled.rgb.shape[1:3])
-    points = scene.keypoints[side].at(k) if side in scene.keypoints else None
-    return Grip(hand, skin, scene.arms[k], points, scene.odds[k], comotion(sampled, k, hand, skin, scene.far_px))
+    hand, skin = around.hands[side][k], all_hands(around.hands, k, sampled.rgb.shape[1:3])
+    points = around.keypoints[side].at(k) if side in around.keypoints else None
+    return Grip(hand, skin, around.arms[k], points, around.odds[k], comotion(sampled, k, hand, skin, around.far_px))
