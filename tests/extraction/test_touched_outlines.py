@@ -63,7 +63,7 @@ def test_an_object_that_rests_is_not_found_by_motion() -> None:
 
 
 def test_an_uncertain_outline_gives_no_object() -> None:
-    """The more likely, the more is said: nothing, then one sentence with the times and no object, then the object alone."""
+    """A likelier touch gives more: nothing, then one sentence with the times, then the object alone."""
     seen = []
     for touch in np.arange(-3.0, 5.0, 0.25):
         result = found(0.9, float(touch))
