@@ -99,7 +99,7 @@ def _segment_networks(digest: Callable[[Path], str]) -> FileTree | None:
 
 
 def _photographs(parameter: str, folder: str, digest: Callable[[Path], str]) -> FileTree:
-    from afford.extraction.hands.photographs import photograph_files
+    from afford.common.photographs import photograph_files
 
     try:
         return photograph_files(Path(folder).expanduser().absolute(), digest)

@@ -24,7 +24,7 @@ def videos(g: Graph, origin: Origin, p: Settings) -> RenderedClip:
 def stills_to_train(g: Graph, p: Settings) -> FileTree:
     """Add the training data set of rendered stills."""
     spec    = g.each(g.add(train_plan.run,                                                           params=p.synthetic.train_plan))
-    stills  = g.add(still_render.run,       spec=spec,       params=p.synthetic.still_render, ctx=g.ctx)
+    stills  = g.add(still_render.run,       spec=spec,       params=p.synthetic.still_render, ctx=g.ctx, **surfaces(g, p))
     samples = g.add(still_sample.run,       stills=stills,                                          params=p.synthetic.still_sample)
     params  = replace(p.extraction.dataset_pack, name="afford-stills", license="apache-2.0", made="rendered")
     return g.named("train_pack").add(dataset_pack.run, samples=g.collect(samples), params=params, ctx=g.ctx)
@@ -34,8 +34,14 @@ def stills_to_measure(g: Graph, p: Settings) -> FileTree:
     """Add the benchmark of rendered stills of held-out objects and rooms, with masks at 855 px width."""
     spec    = g.each(g.add(benchmark_plan.run,                                                   params=p.synthetic.benchmark_plan))
     params  = replace(p.synthetic.still_render, mask_scale=855 / p.synthetic.still_render.width_px)
-    stills  = g.named("benchmark_render").add(still_render.run, spec=spec, params=params, ctx=g.ctx)
+    stills  = g.named("benchmark_render").add(still_render.run, spec=spec, params=params, ctx=g.ctx, **surfaces(g, p))
     return g.add(benchmark_set.run,         stills=g.collect(stills),                 params=p.twohands.benchmark_set, ctx=g.ctx)
+
+
+def surfaces(g: Graph, p: Settings) -> dict[str, FileTree]:
+    """Photographs of surfaces for Cycles, where there are any."""
+    found = dict(p.weights).get("still_render")
+    return {"photographs": g.leaf("still_render_photographs", found)} if found else {}
 
 
 def scenes(g: Graph, origin: Origin, p: Settings) -> None:

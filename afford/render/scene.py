@@ -183,7 +183,7 @@ class Batch:
 
 def batch(instances: Sequence[Instance], textures: Textures) -> Batch:
     """Flatten instances into one batch."""
-    placed = [_placed(i) for i in instances]
+    placed = [world_vertices(i) for i in instances]
     starts = np.cumsum([0] + [len(v) for v, _ in placed[:-1]])
     faces = [i.mesh.faces + np.int32(s) for i, s in zip(instances, starts, strict=True)]
     materials = [i.material for i in instances]
@@ -201,7 +201,7 @@ def batch(instances: Sequence[Instance], textures: Textures) -> Batch:
     )
 
 
-def _placed(instance: Instance) -> tuple[np.ndarray, np.ndarray]:
+def world_vertices(instance: Instance) -> tuple[np.ndarray, np.ndarray]:
     """Transform the vertices and normals of one instance to the world, float32."""
     if instance.vertices is not None:
         points = np.ascontiguousarray(instance.vertices, np.float32)

@@ -67,10 +67,10 @@ def run(lessons: tuple[HandLessons, ...], params: Params, ctx: Context, landmark
     landmarks: files of MediaPipe's palm detector and landmark network. photographs: pictures without hands.
     """
     from afford.common.files import tree
+    from afford.common.photographs import read_photographs
     from afford.extraction.hands import network
     from afford.extraction.hands import train as finder
     from afford.extraction.hands.model import HandFinderConfig
-    from afford.extraction.hands.photographs import read_photographs
     from afford.training import curves
     from afford.training.loop import derive_seed, deterministic, train
 

@@ -59,10 +59,10 @@ def run(lessons: tuple[HandLessons, ...], networks: FileTree, params: Params, ct
     networks: MediaPipe's networks. photographs: pictures without hands.
     """
     from afford.common.files import tree
+    from afford.common.photographs import read_photographs
     from afford.extraction.hands import held_network
     from afford.extraction.hands import held_train as held
     from afford.extraction.hands.held_model import HeldConfig
-    from afford.extraction.hands.photographs import read_photographs
     from afford.training import curves
     from afford.training.loop import derive_seed, deterministic, train
     from afford.training.params import Plan

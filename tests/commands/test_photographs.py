@@ -1,4 +1,4 @@
-"""Photographs of `hands_train`: the folder becomes content of the training, and its place does not."""
+"""Photographs of stages: the folder becomes content of the graph, and its place does not."""
 
 from __future__ import annotations
 
@@ -24,6 +24,16 @@ def test_photographs_are_files_of_the_training(tmp_path: Path) -> None:
     found = resolve_weights(settings(tmp_path / "rooms"), lambda path: path.name)
     assert [file.name for file in dict(found.weights)["hands_train"].files] == ["b.JPG", "kitchen/a.png"]
     assert found.extraction.hands_train.photographs == "rooms"
+
+
+def test_surfaces_are_files_of_the_stills(tmp_path: Path) -> None:
+    """Photographs of surfaces become an input of still_render, by the name of their folder."""
+    (tmp_path / "surfaces").mkdir()
+    (tmp_path / "surfaces" / "wood.png").write_bytes(b"0")
+    chosen = Settings.of(still_render=replace(Settings.synthetic.still_render, photographs=str(tmp_path / "surfaces")))
+    found = resolve_weights(chosen, lambda path: path.name)
+    assert [file.name for file in dict(found.weights)["still_render"].files] == ["wood.png"]
+    assert found.synthetic.still_render.photographs == "surfaces"
 
 
 def test_a_folder_without_photographs_is_refused(tmp_path: Path) -> None:

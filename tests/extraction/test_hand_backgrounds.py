@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 import pytest
 
+from afford.common.photographs import photograph_files, read_photographs
 from afford.extraction.hands.augment import Augmentation
 from afford.extraction.hands.backgrounds import Backgrounds
-from afford.extraction.hands.photographs import photograph_files, read_photographs
 from afford.extraction.hands.surfaces import TEXTURE_PX, surface_picture, textures
 
 ROOM = np.full((40, 60, 3), 9, np.uint8), np.zeros((40, 60), np.uint8)

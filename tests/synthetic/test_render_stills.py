@@ -44,6 +44,16 @@ def room() -> Stills:
     return render_stills(SPEC, SMALL, quiet)
 
 
+def test_every_painter_shows_the_same_scenes() -> None:
+    """A painter changes the pictures alone: stills, modes and masks stay."""
+    grey = render_stills(SPEC, SMALL, quiet, lambda layout, camera: np.full((camera.height, camera.width, 3), 128, np.uint8))
+    usual = render_stills(SPEC, SMALL, quiet)
+    assert [one.narration for one in grey.stills] == [one.narration for one in usual.stills]
+    assert all(np.array_equal(a.masks, b.masks) for x, y in zip(grey.stills, usual.stills, strict=True)
+               for a, b in zip(x.modes, y.modes, strict=True))  # fmt: skip
+    assert all(a.jpeg.tobytes() != b.jpeg.tobytes() for a, b in zip(grey.images, usual.images, strict=True))
+
+
 def placed(kind: str, x: float, y: float = 0.30, yaw: float = 0.0, number: int = 0) -> PlacedObject:
     """Place an object at a position."""
     model = with_extra_grips(library.build(kind, np.random.default_rng(5)))

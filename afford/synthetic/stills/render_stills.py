@@ -21,6 +21,7 @@ from afford.synthetic.kitchens.world import EYE
 from afford.synthetic.sensor import add_image_noise
 from afford.synthetic.splits import accepts_task, is_held_out
 from afford.synthetic.stills.grasp_options import GraspPlan, GripOption, ReachModel, grasp_plans, plan_weights
+from afford.synthetic.stills.painters import Painter
 from afford.synthetic.stills.still_world import Layout, StillWorld
 from afford.synthetic.stills.task_catalogue import Task, tasks_for
 from schemas.scene import Mode, Picture, Still, Stills, StillSpec
@@ -67,18 +68,22 @@ class Shot:
         return out
 
 
-def take_picture(world: StillWorld, layout: Layout, sizes: ImageSizes, supersample: int) -> Shot:
-    """Render a layout from a random head pose."""
+def take_picture(world: StillWorld, layout: Layout, sizes: ImageSizes, supersample: int, painter: Painter | None = None) -> Shot:
+    """Render a layout from a random head pose. All painters show the same scenes, with the same masks."""
     rng = world.rng
     eye = EYE + rng.uniform(-1, 1, 3) * EYE_SPREAD_M
     gaze = np.array([*CENTRE, 0.04]) + rng.uniform(-1, 1, 3) * GAZE_SPREAD_M
     T, view_deg = look_at(eye, gaze, float(rng.uniform(-ROLL_RAD, ROLL_RAD))), float(rng.uniform(*FIELD_OF_VIEW_DEG))
-    seen = render(layout.instances, _camera(T, sizes.image, view_deg), layout.light, world.textures, supersample=supersample)
-    camera = _camera(T, sizes.mask, view_deg)
-    same = sizes.mask == sizes.image
-    ids, depth = (seen.ids, seen.depth_m) if same else draw_ids(layout.instances, camera, world.textures)
+    shown, camera = _camera(T, sizes.image, view_deg), _camera(T, sizes.mask, view_deg)
+    if painter is None:
+        seen = render(layout.instances, shown, layout.light, world.textures, supersample=supersample)
+        rgb, maps = add_image_noise(seen.rgb, rng), (seen.ids, seen.depth_m) if sizes.mask == sizes.image else None
+    else:
+        rgb, maps = painter(layout, shown), None
+        add_image_noise(np.zeros_like(rgb), rng)  # as many random numbers as above, so that the next scenes are the same
+    ids, depth = maps or draw_ids(layout.instances, camera, world.textures)
     nearness = np.where(depth > 0, 1.0 / np.maximum(depth, 1e-9), 0.0).astype(np.float32)
-    return Shot(add_image_noise(seen.rgb, rng), camera, ids, nearness)
+    return Shot(rgb, camera, ids, nearness)
 
 
 def _camera(T_world_cam: np.ndarray, size: tuple[int, int], view_deg: float) -> Camera:
@@ -117,8 +122,9 @@ class RenderQuality:
     jpeg_quality: int
 
 
-def render_stills(spec: StillSpec, quality: RenderQuality, progress: Callable[[int, int], None]) -> Stills:
-    """Render all stills of a spec."""
+def render_stills(spec: StillSpec, quality: RenderQuality, progress: Callable[[int, int], None],
+                  painter: Painter | None = None) -> Stills:  # fmt: skip
+    """Render all stills of a spec, by default with the fast renderer."""
     world = StillWorld(spec)
     images: list[Picture] = []
     found: list[Still] = []
@@ -127,7 +133,7 @@ def render_stills(spec: StillSpec, quality: RenderQuality, progress: Callable[[i
         reach, names = ReachModel(layout.objects), {obj.number: plain_name(obj.model.noun) for obj in layout.objects}
         wanted = [task for task in tasks_for(layout.objects, names) if accepts_task(spec.asks, is_held_out(task.verb, task.kinds))]
         for _ in range(spec.views):
-            shot = take_picture(world, layout, quality.sizes, quality.supersample)
+            shot = take_picture(world, layout, quality.sizes, quality.supersample, painter)
             for task, modes in _feasible_tasks(world, layout, shot, reach, wanted):
                 number = len(found) + 1
                 text = _task_narration(spec.video_id, number, task)
