@@ -24,7 +24,7 @@ help: ## show this list
 	@if [ -t 1 ]; then bold=$$(printf '\033[1m') plain=$$(printf '\033[0m'); fi; \
 	awk -F ':.*## ' -v bold="$$bold" -v plain="$$plain" '/^[a-z0-9-]+:.*## / {printf "  %s%-20s%s %s\n", bold, $$1, plain, $$2}' $(MAKEFILE_LIST)
 
-$(READY): pyproject.toml constraints.txt constraints-torch.txt install/backend.py install/_afford_gymnasium.py install/landmark_files.py install/segment_files.py install/published_files.py
+$(READY): pyproject.toml constraints.txt constraints-torch.txt install/backend.py install/_afford_gymnasium.py install/landmark_files.py install/segment_files.py install/image_encoder.py install/published_files.py
 	@$(PYTHON) install/preflight.py
 	@echo "setting up $(VENV) (first time: a few minutes)"
 	@test -x $(PY) || $(PYTHON) -m venv $(VENV)
@@ -34,6 +34,7 @@ $(READY): pyproject.toml constraints.txt constraints-torch.txt install/backend.p
 	@rm -rf afford.egg-info build
 	@$(PY) install/landmark_files.py
 	@$(PY) install/segment_files.py
+	@$(PY) install/image_encoder.py
 	@touch $@
 
 $(DEV): $(VENV)/.ready-film $(VENV)/.ready-ray

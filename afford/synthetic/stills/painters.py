@@ -25,14 +25,16 @@ Painter = Callable[[Layout, Camera], np.ndarray]
 
 
 @contextmanager
-def raster(_spec: StillSpec, _params: None, _photographs: FileTree | None) -> Iterator[None]:
+def raster(spec: StillSpec, params: None, photographs: FileTree | None) -> Iterator[None]:
     """Render stills with the fast renderer, which draws masks and pictures together."""
     yield None
 
 
 @contextmanager
 def cycles(spec: StillSpec, params: CyclesParams, photographs: FileTree | None) -> Iterator[Painter]:
-    """Path-trace stills with Cycles, in natural materials and indoor light. Light, materials and camera of a picture depend on the room's seed and its number.
+    """Path-trace stills with Cycles, in natural materials and indoor light.
+
+    Light, materials and camera of a picture depend on the room's seed and the picture's number.
 
     OSError when Cycles is not installed, RuntimeError when it fails, ValueError for a photograph that is not readable.
     """

@@ -19,21 +19,21 @@ class ModelConfig:
     """Architecture of a model, stored as config.json. Every field is a string, a number, a bool or a tuple of numbers."""
 
     variant: str = "small"
-    """small (trained from nothing on a CPU) | clip (2HAff-CLIP) | vlm (2HandedAfforder)"""
+    """small (trained from nothing on a CPU) | lite (small, on EfficientNet-Lite0) | clip (2HAff-CLIP) | vlm (2HandedAfforder)"""
     hypotheses: int = 3
     """k: regions proposed for each hand; 1 is the paper's model"""
     size_px: tuple[int, int] = (128, 160)
     """height and width of the letter-boxed input; square for clip and vlm"""
     widths: tuple[int, int, int] = (32, 64, 128)
-    """channels at stride 4, 8 and 16 (small); the last one is also the width of the decoder and of word vectors"""
+    """channels at stride 4, 8 and 16 (small, lite); the last one is also the width of the decoder and of word vectors"""
     convolutions: int = 4
-    """convolutions at stride 16, each modulated by the words (small)"""
+    """convolutions at stride 16, each modulated by the words (small, lite)"""
     depth: int = 1
-    """transformer blocks over the image at stride 16 (small)"""
+    """transformer blocks over the image at stride 16 (small, lite)"""
     decoder_depth: int = 1
-    """two-way blocks of the mask decoder (small)"""
+    """two-way blocks of the mask decoder (small, lite)"""
     heads: int = 4
-    """attention heads of all layers (small)"""
+    """attention heads of all layers (small, lite)"""
     text: bool = True
     """False: the model does not read the task (ablation no_text)"""
     text_buckets: int = 4096
@@ -45,7 +45,8 @@ class ModelConfig:
     dropout: float = 0.0
     """dropout of the transformers of small; that of LoRA is `lora_dropout`"""
     backbones: str = ""
-    """clip, vlm: folder with `clip/` or `vlm/` and `sam/`, each as `transformers` saves it; '' builds tiny random ones"""
+    """clip, vlm: folder with `clip/` or `vlm/` and `sam/`, each as `transformers` saves it; '' builds tiny random ones.
+    lite: file of EfficientNet-Lite0, or its folder"""
     frozen: bool = True
     """clip: do not train the backbones; set False where they start from random weights"""
     lora_rank: int = 8
@@ -134,8 +135,11 @@ class TwoHands(nn.Module, ABC):
         return {}
 
 
+LIGHT = ("small", "lite")
+"""variants of convolutions for a CPU"""
 VARIANTS = {
     "small": "afford.twohands.model.small:assemble",
+    "lite": "afford.twohands.model.lite:assemble",
     "clip": "afford.twohands.model.clip:assemble",
     "vlm": "afford.twohands.model.vlm:assemble",
 }

@@ -91,7 +91,7 @@ class Encoder(nn.Module):
         super().__init__()
         c4, c8, c16 = widths
         self.stem = nn.Sequential(nn.PixelUnshuffle(2), _conv(12, c4, stride=2))
-        self.stage4 = Residual(c4)
+        self.stage4: nn.Module = Residual(c4)
         self.stage8 = nn.Sequential(_conv(c4, c8, stride=2), Residual(c8))
         self.tune8, self.more8 = Tune(c16, c8), Residual(c8)
         self.stage16 = _conv(c8, c16, stride=2)
@@ -104,11 +104,11 @@ class Encoder(nn.Module):
         self.register_buffer("at", self._sines(*size_px), persistent=False)
 
     def forward(self, image: Tensor, words: Tensor, keep: Tensor) -> Features:
-        """Encode a normalised image (b, 3, H, W) with words (b, n, c16); `keep` (b, n) bool is False for padding words."""
+        """Encode an image (b, 3, H, W) RGB 0..1 with words (b, n, c16); `keep` (b, n) bool is False for padding words."""
         text = (words * keep[..., None]).sum(1) / keep.sum(1, keepdim=True).clamp(min=1)
-        stride4 = self.stage4(self.stem(image.contiguous(memory_format=channels_last)))
-        stride8 = self.more8(self.tune8(self.stage8(stride4), text))
-        coarse = self.stage16(stride8)
+        stride4, plain8, plain16 = self.see(image)
+        stride8 = self.more8(self.tune8(plain8, text))
+        coarse = self.stage16(stride8) if plain16 is None else self.stage16(stride8) + plain16
         for tune, more in zip(self.tune16, self.more16, strict=True):
             coarse = more(tune(coarse, text))
         tokens = coarse.flatten(2).transpose(1, 2) + self.place(image)
@@ -118,6 +118,11 @@ class Encoder(nn.Module):
             x = block(x, seen)
         x = self.norm(x)
         return Features(stride4, stride8, x[:, :count], x[:, count:])
+
+    def see(self, image: Tensor) -> tuple[Tensor, Tensor, Tensor | None]:
+        """Features of an image (b, 3, H, W) RGB 0..1 without words, at strides 4, 8 and 16; the last ones may be None."""
+        stride4 = self.stage4(self.stem(normalised(image).contiguous(memory_format=channels_last)))
+        return stride4, self.stage8(stride4), None
 
     def place(self, image: Tensor) -> Tensor:
         """Positions (H/16 * W/16, c16) of the tokens of an image (b, 3, H, W).
@@ -263,7 +268,7 @@ class Small(TwoHands):
     def forward(self, batch: Batch) -> Output:
         """Predict the regions of a batch; see `TwoHands`."""
         words, keep = self._read(batch)
-        features = self.encoder(normalised(batch.image), words, keep)
+        features = self.encoder(batch.image, words, keep)
         logits, score, tokens, objects, centre = self.decoder(features, keep, self.encoder.place(batch.image))
         both = (-1, 2, -1, -1, -1)
         return Output(logits.expand(both), score.expand(both[:3]), self.taxonomy(tokens[:, 0].flatten(1)), None,

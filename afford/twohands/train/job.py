@@ -28,6 +28,10 @@ from afford.twohands.train.task import Batches, InputSize, TwoHandsTask, validat
 from schemas.affordance import TAXONOMY
 from schemas.training import TrainingLog
 
+ENCODER = """
+
+Its image encoder is EfficientNet-Lite0 with the weights that ML Illustrated published (Apache-2.0), trained on the photographs of
+ImageNet and not trained further."""
 LIMITS = """- It has learned to find regions in pictures like those it was trained on. Rendered pictures are tidier than kitchens.
 - A region says where hands were seen to act, in the image; it promises neither a stable grasp nor that touching is safe.
 - Words that training did not contain are read by their letters alone, unless a pretrained language model reads them.
@@ -49,6 +53,7 @@ def card_text(name: str, source: TrainingData, job: Mapping[str, Any], threshold
          curves: TrainingLog) -> str:  # fmt: skip
     """Write the model card as Markdown with the header of model hubs; `job` is the job as a tree of its fields."""
     config, division, plan = job["config"], job["division"], job["plan"]
+    encoder = ENCODER if config["variant"] == "lite" else ""
     return f"""---
 license: {source.licence}
 library_name: afford
@@ -61,7 +66,8 @@ tags:
 # {name}
 
 A two-hand affordance model of afford, variant `{config["variant"]}` with {count:,} parameters: an image and a task in words go
-in; where the left and the right hand act, whether both are needed, and {config["hypotheses"]} hypotheses for each hand come out.
+in; where the left and the right hand act, whether both are needed, and {config["hypotheses"]} hypotheses for each hand come
+out.{encoder}
 
 ```python
 from afford.twohands.model.predictor import Predictor

