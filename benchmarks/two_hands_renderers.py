@@ -72,10 +72,12 @@ def page(args: argparse.Namespace, found: dict[tuple[str, str, str], list[dict[s
         cells = [cell([run.get(f"{prefix}small{suffix}.{measure}") for run in runs])
                  for prefix, _ in GROUPS for measure, suffix, _ in COLUMNS]  # fmt: skip
         lines.append(f"| {variant} | {renderer} | {test} | {' | '.join(cells)} |")
-    return ("# Two-hand models between renderers\n\n"
-            f"Written by `benchmarks/two_hands_renderers.py`: {args.steps} steps, mean and standard "
-            f"deviation over {args.seeds} seed(s). Strict measures of held-out rooms (docs/twohands/benchmark.md); crops, except whole "
-            "pictures. `raster` is the fast renderer, `cycles` path-traces the same scenes.\n\n" + "\n".join(lines) + "\n")
+    text = (
+        f"Written by `benchmarks/two_hands_renderers.py`: {args.steps} steps, mean and standard deviation over {args.seeds} seed(s). "
+        "Strict measures of held-out rooms (docs/twohands/benchmark.md); crops, except whole pictures. `raster` is the fast "
+        "renderer, `cycles` path-traces the same scenes."
+    )
+    return "\n".join(["# Two-hand models between renderers", "", text, "", *lines]) + "\n"
 
 
 def cell(values: list[float | None]) -> str:
