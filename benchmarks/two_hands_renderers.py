@@ -4,7 +4,7 @@
     PYTHONPATH=. python benchmarks/two_hands_renderers.py [--store DIR] [--variants small,lite] [--renderers raster,cycles]
         [--photographs DIR] [--steps N] [--seeds N] [--cases DIR]
 
-Scenes and masks are the same with both renderers. Every training and every picture is cached: stop and go on at will.
+Scenes and masks are the same with both renderers. Every training and every picture is cached, so that the script can be stopped and run again.
 """
 
 from __future__ import annotations
@@ -73,8 +73,8 @@ def page(args: argparse.Namespace, found: dict[tuple[str, str, str], list[dict[s
                  for prefix, _ in GROUPS for measure, suffix, _ in COLUMNS]  # fmt: skip
         lines.append(f"| {variant} | {renderer} | {test} | {' | '.join(cells)} |")
     text = (
-        f"Written by `benchmarks/two_hands_renderers.py`: {args.steps} steps, mean and standard deviation over {args.seeds} seed(s). "
-        "Strict measures of held-out rooms (docs/twohands/benchmark.md); crops, except whole pictures. `raster` is the fast "
+        f"Written by `benchmarks/two_hands_renderers.py`: {args.steps} steps, mean and standard deviation over {args.seeds} "
+        "seed(s). Strict measures of held-out rooms (docs/twohands/benchmark.md); crops, except whole pictures. `raster` is the fast "
         "renderer, `cycles` path-traces the same scenes."
     )
     return "\n".join(["# Two-hand models between renderers", "", text, "", *lines]) + "\n"
