@@ -4,7 +4,8 @@
     PYTHONPATH=. python benchmarks/two_hands_renderers.py [--store DIR] [--variants small,lite] [--renderers raster,cycles]
         [--photographs DIR] [--steps N] [--seeds N] [--cases DIR]
 
-Scenes and masks are the same with both renderers. Every training and every picture is cached, so that the script can be stopped and run again.
+Scenes and masks are the same with both renderers. Every training and every picture is cached,
+so that the script can be stopped and run again.
 """
 
 from __future__ import annotations
@@ -74,10 +75,13 @@ def page(args: argparse.Namespace, found: dict[tuple[str, str, str], list[dict[s
         lines.append(f"| {variant} | {renderer} | {test} | {' | '.join(cells)} |")
     text = (
         f"Written by `benchmarks/two_hands_renderers.py`: {args.steps} steps, mean and standard deviation over {args.seeds} "
-        "seed(s). Strict measures of held-out rooms (docs/twohands/benchmark.md); crops, except whole pictures. `raster` is the fast "
+        "seed(s)."
+    )
+    notes = (
+        "Strict measures of held-out rooms (docs/twohands/benchmark.md); crops, except whole pictures. `raster` is the fast "
         "renderer, `cycles` path-traces the same scenes."
     )
-    return "\n".join(["# Two-hand models between renderers", "", text, "", *lines]) + "\n"
+    return "\n".join(["# Two-hand models between renderers", "", f"{text} {notes}", "", *lines]) + "\n"
 
 
 def cell(values: list[float | None]) -> str:
