@@ -2,8 +2,8 @@
 
     PYTHONPATH=. python benchmarks/hands/photographs.py     # once: backgrounds, by package name
     PYTHONPATH=. python benchmarks/hands/score.py [--kinds real,rendered,composite,heldout] [--modes finder,landmarks,fused]
-        [--data ../shared/data] [--clips ../hand-clips] [--photographs DIR] [--store DIR] [--finder DIR] [--seed N]
-        [--count N] [--rendered N] [--dry]
+        [--data ../shared/data] [--clips ../hand-clips] [--photographs DIR] [--store DIR] [--finder DIR,...] [--seed N]
+        [--count N] [--rendered N] [--page FILE] [--dry]
 
 Real clips are a last look: nothing is chosen on them. Rendered clips, composites and held-out hands have fresh seeds. Masks are
 those of mask_densify on annotated frames; a hand ends at the sleeve.
@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -39,6 +40,8 @@ PAGE, PICTURE = ROOT / "benchmarks" / "hand_detect.md", ROOT / "docs" / "picture
 TILE_PX, TILES, STRIPS, JPEG_QUALITY = 300, 5, 8, 82
 HEAD = ("clips", "mode", "hands", "recall", "precision", "right side", "touch right", "object found", "keypoint error",
         "depth error", "CPU ms a frame")  # fmt: skip
+WITH_FINDER = ("finder", "fused")
+"""modes that need a trained hand finder"""
 Costs = dict[tuple[str, str], tuple[Score, float, int]]
 """(kind, mode) -> score, CPU seconds, video frames"""
 
@@ -49,6 +52,11 @@ def trained(runner: Runner) -> FileTree:
     ((_, digest),) = report.outputs["hands_train.files"]
     found: FileTree = runner.store.load(digest)
     return found
+
+
+def finders(args: argparse.Namespace, runner: Runner, digest: Digest) -> list[FileTree]:
+    """Files of the hand finders that are asked for; of one that is trained first without `--finder`."""
+    return [weight_files(folder, digest) for folder in args.finder] if args.finder else [trained(runner)]
 
 
 def scenes(args: argparse.Namespace, runner: Runner, digest: Digest) -> Iterator[Scene]:
@@ -103,7 +111,8 @@ def page(costs: Costs, args: argparse.Namespace) -> str:
         "the front) and `P03_101` are real. That key frames are 0.2 s apart was decided on them, and on them the network of held "
         "objects was found wanting, and the constant for touches was chosen with them in view: they are no held-out test. "
         "One core. Written by `benchmarks/hands/score.py "
-        f"--modes {','.join(args.modes)} --count {args.count} --rendered {args.rendered}`."
+        f"--kinds {','.join(args.kinds)} --modes {','.join(args.modes)} --count {args.count} --rendered {args.rendered}`."
+        + (f" Scores of {len(args.finder)} finders, trained with different seeds, are pooled." if args.finder else "")
     )
     return "\n".join(["# Hands where there are no masks", "", text, "", *("| " + " | ".join(row) + " |" for row in rows)]) + "\n"
 
@@ -126,7 +135,9 @@ def main() -> None:
     parser.add_argument("--clips", type=Path, default=ROOT.parent / "hand-clips")
     parser.add_argument("--photographs", type=Path, default=photographs.DEFAULT)
     parser.add_argument("--store", type=Path)
-    parser.add_argument("--finder", type=Path, help="folder of a trained hand finder; trained first by default")
+    parser.add_argument("--finder", type=lambda text: text.split(","),
+                        help="folders of trained hand finders, whose scores are pooled; one is trained first by default")
+    parser.add_argument("--page", type=Path, default=PAGE)
     parser.add_argument("--kinds", type=lambda text: text.split(","), default=list(KINDS))
     parser.add_argument("--modes", type=lambda text: text.split(","), default=list(MODES))
     parser.add_argument("--seed", type=int, default=30417)
@@ -139,24 +150,26 @@ def main() -> None:
     cv2.setNumThreads(1)
     runner = open_runner(args.store, jobs=1)
     digest = digester(runner)
-    finder = None
-    if {"finder", "fused"} & set(args.modes):
-        finder = weight_files(str(args.finder), digest) if args.finder else trained(runner)
-    models = Models(landmark_files(digest), finder, weight_files(str(args.held), digest) if args.held else None,
-                    segment_files(digest))  # fmt: skip
+    held = weight_files(str(args.held), digest) if args.held else None
+    base = Models(landmark_files(digest), None, held, segment_files(digest))
+    with_finder = [replace(base, finder=one) for one in finders(args, runner, digest)] if set(WITH_FINDER) & set(args.modes) else []
+    models = {mode: with_finder if mode in WITH_FINDER else [base] for mode in args.modes}
     costs: Costs = {}
     strips: dict[str, np.ndarray] = {}
     for scene in scenes(args, runner, digest):
-        for mode in (m for m in args.modes if m in models.modes()):
-            measure(scene, mode, models, costs, strips)
+        for mode, ready in models.items():
+            for one in ready:
+                if mode in one.modes():
+                    measure(scene, mode, one, costs, strips)
     print(page(costs, args))
     if args.dry:
         for name, strip in strips.items():
             (args.clips / f"{name}.jpg").write_bytes(encode_jpeg(strip, JPEG_QUALITY).tobytes())
         return
     chosen = [strips[name] for name in list(strips)[:: max(1, len(strips) // STRIPS)][:STRIPS]]
-    PICTURE.write_bytes(encode_jpeg(np.concatenate(chosen), JPEG_QUALITY).tobytes())
-    PAGE.write_text(page(costs, args))
+    if args.page == PAGE:
+        PICTURE.write_bytes(encode_jpeg(np.concatenate(chosen), JPEG_QUALITY).tobytes())
+    args.page.write_text(page(costs, args))
 
 
 if __name__ == "__main__":
