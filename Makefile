@@ -18,7 +18,7 @@ STORE     ?= artifacts
 EXTRA     ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup constraints all dataset stage report train benchmark ablation negative-affordance grasp sor3d demo test test-all check lint format types inspect bench clean distclean
+.PHONY: help setup constraints all dataset stage report train benchmark ablation negative-affordance grasp sor3d demo weights test test-all check lint format types inspect bench clean distclean
 
 help: ## show this list
 	@if [ -t 1 ]; then bold=$$(printf '\033[1m') plain=$$(printf '\033[0m'); fi; \
@@ -83,6 +83,12 @@ sor3d: $(READY) ## where things afford what, from RGB-D video of their use (SOUR
 demo: $(READY) ## a page at http://127.0.0.1:8000 where the trained model is asked (ARGS="--model DIR --port N")
 	@$(RUN) demo --store "$(STORE)" $(ARGS)
 
+weights: $(DEV) ## train the models in weights/ again and write them there (hours; stop and run again: finished stages are kept)
+	@$(PY) install/cycles.py
+	@PYTHONPATH=. $(PY) benchmarks/hands/photographs.py
+	@PYTHONPATH=. $(PY) benchmarks/shipped/ship.py --store "$(STORE)" --photographs ../photographs/surface $(ARGS)
+	@PYTHONPATH=. $(PY) benchmarks/shipped/score.py --store "$(STORE)"
+
 test: $(DEV) ## run every law on small cases (not the tests marked slow, npm or mediapipe)
 	@$(PY) -m pytest -n auto --dist loadfile -m "not slow and not npm and not mediapipe" $(ARGS)
 
@@ -91,9 +97,10 @@ test-all: $(DEV) ## run every test: full sizes, browsers, npm, MediaPipe and fuz
 
 check: lint types test ## what CI runs
 
-lint: $(DEV) ## ruff and import-linter: style, and which room may import which
+lint: $(DEV) ## ruff and import-linter: style, and which room may import which; warns where weights/ was made by other code
 	@$(VENV)/bin/ruff check .
 	@$(VENV)/bin/lint-imports
+	@PYTHONPATH=. $(PY) benchmarks/shipped/ship.py --check
 
 format: $(DEV) ## ruff: sort imports and mend what can be mended
 	@$(VENV)/bin/ruff check --fix .

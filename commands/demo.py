@@ -54,14 +54,14 @@ def demo(host: str, port: int, model: Path | None, device: str, store: Path | No
 
 
 def _examples(model: ModelFolder, store: Path, console: Console) -> list[Example]:
-    """Example pictures: stills of a benchmark, else of the data set that the model was trained on.
+    """Example pictures: those beside a shipped model, else stills of a benchmark, else of the data set of the model's training.
 
     Unreadable examples, and their absence, are reported.
     """
-    from afford.twohands.demo.examples import examples, held_out
+    from afford.twohands.demo.examples import beside, examples, held_out
 
     try:
-        found = examples(store / "benchmarks") or held_out(_learned_from(model, store))
+        found = beside(model.folder) or examples(store / "benchmarks") or held_out(_learned_from(model, store))
     except (ValueError, OSError) as error:
         console.print(f"[yellow]no examples[/] {escape(str(error))}", highlight=False, soft_wrap=True)
         return []

@@ -105,17 +105,18 @@ def predict(image: Path, task: str, options: Options) -> int:
 
 
 def open_model(given: Path | None, store: Path | None, device: str) -> tuple[ModelFolder, Predictor]:
-    """Open the model of `--model`, else the one that was trained last.
+    """Open the model of `--model`, else the one that was trained last, else the shipped one.
 
     UsageError when there is no model, or no such device.
     """
+    from afford.models import shipped
     from afford.twohands.model import model_folder
     from afford.twohands.model.predictor import Predictor
 
-    folder = given or model_folder.latest_model((store or STORE) / "models")
-    if folder is None:
-        raise UsageError(f"{(store or STORE) / 'models'}: no trained model there; run `make train` or give --model DIR")
     try:
+        folder = given or model_folder.latest_model((store or STORE) / "models") or shipped.find_shipped(shipped.TWO_HANDS)
+        if folder is None:
+            raise UsageError(f"{(store or STORE) / 'models'}: no trained model there; run `make train` or give --model DIR")
         found = model_folder.find_model(folder)
         return found, Predictor(found.folder, usable(device))
     except ValueError as error:

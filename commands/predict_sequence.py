@@ -68,16 +68,21 @@ def predict(path: Path, task: str, options: Options) -> int:
 
 
 def open_model(options: Options) -> tuple[ModelFolder, Predictor]:
-    """Open the model of `--model`; for the word sor3d, the one that was trained last. UsageError when there is none."""
+    """Open the model of `--model`; for the word sor3d, the one that was trained last, else the shipped one.
+
+    UsageError when there is none.
+    """
+    from afford.models import shipped
     from afford.rgbd.model.checkpoint import FORMAT
     from afford.rgbd.model.predictor import Predictor
     from afford.twohands.model.model_folder import find_model, latest_model
 
     models = (options.store or STORE) / "models"
-    folder = latest_model(models, FORMAT) if str(options.model) == NAME else options.model
-    if folder is None:
-        raise UsageError(f"{models}: no model of `run sor3d` there; run it first or give --model DIR")
     try:
+        named = str(options.model) == NAME
+        folder = latest_model(models, FORMAT) or shipped.find_shipped(shipped.SOR3D) if named else options.model
+        if folder is None:
+            raise UsageError(f"{models}: no model of `run sor3d` there; run it first or give --model DIR")
         found = find_model(folder)
         return found, Predictor(found.folder, usable(options.device))
     except ValueError as error:

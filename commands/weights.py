@@ -38,6 +38,7 @@ def resolve_weights(chosen: Settings, digest: Callable[[Path], str]) -> Settings
     if held not in (NO_NETWORK, TRAINED):
         found["held"] = _files("hand_detect.held", held, digest)
         named["hand_detect"] = dataclasses.replace(chosen.extraction.hand_detect, held=_label(held))
+    found |= _shipped(chosen, digest)
     for stage in SYSTEM_OF:
         params = named.get(stage, chosen.params(stage))
         if getattr(params, "backbones", ""):
@@ -55,6 +56,22 @@ def resolve_weights(chosen: Settings, digest: Callable[[Path], str]) -> Settings
         found[stage] = _files(f"{stage}.{name}.model", own.model, digest)
         named[stage] = dataclasses.replace(params, **{name: dataclasses.replace(own, model=_label(own.model))})
     return dataclasses.replace(chosen.with_stages(**named), weights=tuple(found.items()))
+
+
+def _shipped(chosen: Settings, digest: Callable[[Path], str]) -> dict[str, FileTree]:
+    """Shipped models by the stage that trained them, where its parameters are the defaults: others ask for a training."""
+    from afford.models.shipped import PARTS, shipped_files
+
+    found = {}
+    for stage, name in (("scorer_train", PARTS),):
+        params = chosen.params(stage)
+        try:
+            files = shipped_files(name, digest) if params == type(params)() else None
+        except ValueError as error:
+            raise UsageError(str(error)) from error
+        if files is not None:
+            found[f"shipped_{stage}"] = files
+    return found
 
 
 def reads_weights(params: Any) -> bool:

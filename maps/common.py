@@ -42,6 +42,12 @@ def reported(g: Graph, report: FileTree) -> FileTree:
     return g.measure(g.publish(report, "reports/{source}", as_="report"))
 
 
+def shipped(g: Graph, p: Settings, stage: str) -> FileTree | None:
+    """Shipped files of the model that a stage trains; None where none are shipped, or parameters of the training were set."""
+    files = dict(p.weights).get(f"shipped_{stage}")
+    return None if files is None else g.leaf(f"shipped_{stage}", files)
+
+
 def weights(g: Graph, p: Settings, stage: str) -> dict[str, FileTree]:
     """Argument `weights` of a stage; empty where its backend reads no weights, or no model is named.
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 from afford.surface.describe.looks import PARTS
-from maps.common import parameters, record_run, recorded, reported, weights
+from maps.common import parameters, record_run, recorded, reported, shipped, weights
 from maps.settings import Origin, Settings
 from runner import Graph
 from schemas.files import FileTree
@@ -120,9 +120,20 @@ def add_affordance(g: Graph, x: ObjectHandles, scorer: FileTree, p: Settings, of
 
 
 def negative_affordance(g: Graph, origin: Origin, p: Settings) -> None:
-    """Negative affordance of objects, or of the meshes of --source, for their tasks; scored where parts are known."""
+    """Negative affordance of objects, or of the meshes of --source, for their tasks; scored where parts are known.
+
+    Meshes of --source are scored by the shipped scorer, where there is one; without a source, a scorer is trained and measured.
+    """
+    ready   = shipped(g, p, "scorer_train") if origin.meshes else None
+    if ready is not None:
+        g.target("negative-affordance", *score_objects(g, origin, ready, p))
+        return
     trained = train_scorer(g, p)
-    scorer  = trained.files(g)
+    g.target("negative-affordance", *score_objects(g, origin, trained.files(g), p), record_scorer(g, trained, p))
+
+
+def score_objects(g: Graph, origin: Origin, scorer: FileTree, p: Settings) -> tuple[FileTree, FileTree, FileTree, FileTree]:
+    """Negative affordance of objects with a scorer: files of each, recordings, the report, and its recording."""
     known: dict[str, ObjectSpec] = {}
     if origin.meshes:
         x = add_meshes(g, origin, p)
@@ -148,5 +159,4 @@ def negative_affordance(g: Graph, origin: Origin, p: Settings) -> None:
                     mesh=x.mesh, ctx=g.ctx, params=object_record.Params("mesh_texture" if origin.meshes else "object_build", mine))
     report = g.add(negative_affordance_report.run, scores=g.collect(scores), params=p.surface.negative_affordance_report, ctx=g.ctx)
     g.cost("cpu_s_per_object", (*x.costed, notes, fit, found), (reported(g, report), "objects"), shards=scores)
-    g.target("negative-affordance", files, recorded(g, record, "{clip}"), report,
-             record_run(g, "negative_affordance_report", report), record_scorer(g, trained, p))
+    return files, recorded(g, record, "{clip}"), report, record_run(g, "negative_affordance_report", report)

@@ -118,9 +118,14 @@ class EfficientNetLite0(nn.Module):
         return self._fc(seen.mean(dim=(2, 3)))
 
 
+def encoder_path() -> Path:
+    """Place of the weights in the environment; set-up put them there, or could not."""
+    return Path(sys.prefix) / FOLDER / FILE
+
+
 def encoder_files(digest: Callable[[Path], str]) -> FileTree | None:
     """List the weights with their content digest, as a leaf of the graph; None where set-up could not fetch them."""
-    path = Path(sys.prefix) / FOLDER / FILE
+    path = encoder_path()
     return FileTree("image_encoder", (FileRef(FILE, digest(path), path.stat().st_size, path),)) if path.is_file() else None
 
 

@@ -27,8 +27,8 @@ from schemas.scene import RenderedClip
 from tests.helpers.tiny_root import digest
 
 ROOT = Path(__file__).resolve().parents[2]
-FROM_SETUP = ("hand_landmarks", "segment")
-"""inputs of networks that `make setup` fetches; without set-up there are none"""
+FROM_SETUP = ("hand_landmarks", "segment", "shipped_scorer_train")
+"""networks that `make setup` fetches, and shipped models; they are not chosen by a setting"""
 
 
 def from_setup_only(found: Settings) -> bool:

@@ -1,6 +1,7 @@
 """Example pictures of the demo that the model was not trained on.
 
-They are stills of a benchmark set, or pictures of the validation split of the data set of the training, where the store has them.
+They are those that are shipped with a model, stills of a benchmark set, or pictures of the validation split of the data set of the
+training, where the store has them.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from afford.dataset.act_affordance import ANNOTATION, IMAGE
 from afford.training.artifacts import CARD
 from afford.twohands.train.samples import tables
 
+EXAMPLES = "examples"
 COUNT, MANY = 6, 1000
 DIGEST = re.compile(r"content digest `([0-9a-f]{64})`")
 """form in which the card of a model names its data set"""
@@ -42,6 +44,11 @@ def examples(benchmarks: Path) -> list[Example]:
     """Choose up to COUNT stills of the rendered sets below `benchmarks`, from different rooms where possible."""
     rooms = [sorted(room.glob(f"*/{IMAGE}")) for room in sorted(benchmarks.glob("*/masks/[!.]*"))]
     return _chosen(_still(path) for path in _in_turns(rooms))
+
+
+def beside(model: Path) -> list[Example]:
+    """Read the pictures `examples/*.jpg` in the folder of a model; their names are the tasks, with `-` for spaces."""
+    return [Example(path.stem.replace("-", " "), path.read_bytes()) for path in sorted((model / EXAMPLES).glob("*.jpg"))]
 
 
 def data_set(model: Path) -> str | None:

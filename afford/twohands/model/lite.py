@@ -5,11 +5,14 @@ What is learned from rendered pictures then begins at features of real ones. Wor
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from pathlib import Path
+
 import torch
 from torch import Tensor, cat, nn
 from torch.nn.functional import interpolate
 
-from afford.models.efficientnet_lite import WIDTHS, EfficientNetLite0, read_encoder
+from afford.models.efficientnet_lite import WIDTHS, EfficientNetLite0, encoder_path, read_encoder
 from afford.models.word_vectors import WordVectors
 from afford.twohands.model.backbones import freeze
 from afford.twohands.model.interface import ModelConfig
@@ -40,6 +43,21 @@ class LiteEncoder(Encoder):
             seen = self.backbone(image)
         wide = interpolate(seen.stride32, seen.stride16.shape[2:], mode="bilinear", align_corners=False)
         return self.stage4(seen.stride4), self.stage8(seen.stride8), self.plain16(cat([seen.stride16, wide], dim=1))
+
+
+BACKBONE = "encoder.backbone."
+"""prefix of the backbone's tensors in a model"""
+
+
+def completed(weights: Mapping[str, Tensor], backbone: Path | None = None) -> dict[str, Tensor]:
+    """Add the published weights of the backbone where a model's file was written without them.
+
+    backbone: file of the published weights, by default that of set-up, which verified it. ValueError, one sentence, without it.
+    """
+    if any(name.startswith(BACKBONE) for name in weights):
+        return dict(weights)
+    published = read_encoder(str(backbone or encoder_path())).state_dict()
+    return {**weights, **{f"{BACKBONE}{name}": tensor for name, tensor in published.items()}}
 
 
 def narrowed(before: int, after: int) -> nn.Sequential:

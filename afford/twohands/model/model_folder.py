@@ -52,6 +52,10 @@ def load_model(folder: Path) -> TwoHands:
     except (OSError, SafetensorError) as error:
         raise ValueError(f"{folder / WEIGHTS}: expected the weights of a model as safetensors; {error}") from error
     model = build(config, seed=0, pretrained=False)
+    if config.variant == "lite":
+        from afford.twohands.model.lite import completed
+
+        weights = completed(weights)
     fill_weights(model, weights, str(folder / WEIGHTS), "it is the file of another model")
     return model.eval()
 

@@ -1,0 +1,109 @@
+"""Recipes of the shipped models: the graphs that train them, and the words of their cards."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from commands.settings import settings
+from commands.weights import resolve_weights
+from maps import grasping, rgbd, surface, twohands
+from maps.grasping import STUDENT, TEACHER
+from maps.settings import Origin, Settings
+from maps.synthetic import stills_to_train
+from runner import Graph
+
+RENDERED = "Pictures, shapes, motion and labels are rendered or simulated by this project; no recorded data."
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How a shipped model is made, and what its card says."""
+
+    title: str
+    build: Callable[[Graph, Settings], Any]
+    """adds its graph, and returns the handle of the trained files"""
+    use: str
+    limits: str
+    data: str = RENDERED
+    sets: tuple[str, ...] = ()
+    """parameters that differ from the defaults, STAGE.PARAM=VALUE"""
+    inside: str = ""
+    """folder of the model inside the trained files"""
+    left_out: str = ""
+    """prefix of the tensors that another package publishes"""
+
+    def graph(self, digest: Callable[[Path], str]) -> Graph:
+        """Build the graph with the target `trained`."""
+        g = Graph()
+        g.target("trained", self.build(g, resolve_weights(settings(self.sets, None), digest)))
+        return g
+
+
+def two_hands(g: Graph, p: Settings) -> Any:
+    """Train the two-hand model on rendered stills."""
+    return g.pick(twohands.train_model(g, stills_to_train(g, p), p), lambda t: t.files)
+
+
+def sor3d(g: Graph, p: Settings) -> Any:
+    """Train the SOR3D-AFF model on rendered sequences."""
+    origin = Origin("sor3d")
+    found = rgbd.training_data(g, origin, p)
+    return g.pick(rgbd.train_model(g, origin, found.dataset, rgbd.default_recipes(p), p).model, lambda t: t.files)
+
+
+def parts(g: Graph, p: Settings) -> Any:
+    """Train the part scorer on procedural objects."""
+    return surface.train_scorer(g, p).files(g)
+
+
+def prior(g: Graph, p: Settings) -> Any:
+    """Train the motion prior."""
+    return g.pick(grasping.setup(g, p).prior, lambda t: t.files)
+
+
+def teacher(g: Graph, p: Settings) -> Any:
+    """Train the teacher over the prior."""
+    return g.pick(grasping.train_teacher(g, grasping.setup(g, p), TEACHER, 0, p), lambda t: t.files)
+
+
+def student(g: Graph, p: Settings) -> Any:
+    """Train the student from the teacher."""
+    made = grasping.setup(g, p)
+    grasping.train_teacher(g, made, TEACHER, 0, p)
+    return g.pick(grasping.train_student(g, made, STUDENT, 0, p), lambda t: t.files)
+
+
+LITE = ("model_train.variant=lite", "model_train.height_px=192", "model_train.width_px=256")
+PHYSICS = ("Simulated contact alone. It has not been tried on a robot: do not let it move hardware near people. Objects that are "
+           "longer, thicker or heavier than its training objects are outside its experience.")  # fmt: skip
+RECIPES = {
+    "twohands": Recipe(
+        "Two-hand affordance model", two_hands,
+        "`predict`, `make demo`, and as a start for your own data: where each hand goes for a task in words.",
+        "Household objects on tables and counters, seen by the person who acts. Kinds that it was not trained on, and whole "
+        "pictures with many objects, are much harder than crops; see the figures. It answers every question, also where no object "
+        "fits. Not for deciding whether touching something is safe, and not for recognising or monitoring people.",
+        data="Path-traced stills of rendered kitchens (`still_render.backend=cycles`: Blender's Cycles, GPL, a program that this "
+             "model does not contain; photographs of surfaces out of `robosuite`, MIT, and `scikit-image`). The image encoder is "
+             "EfficientNet-Lite0 (Apache-2.0), frozen, trained by its authors on ImageNet, whose pictures have terms of their own; "
+             "its weights are not in this file: set-up fetches them.",
+        sets=(*LITE, "still_render.backend=cycles"), inside="model", left_out="encoder.backbone."),
+    "parts": Recipe(
+        "Part scorer", parts, "`make negative-affordance SOURCE=meshes`: which face of an object belongs to which part.",
+        "Procedural meshes without scan noise. On scans, and on kinds it was not trained on, parts are confused more often. Not "
+        "for deciding what is safe to touch."),
+    "sor3d": Recipe(
+        "SOR3D-AFF, small", sor3d, "`predict CLIP --model sor3d`: affordances of an RGB-D sequence or a picture.",
+        "Rendered sequences of 72 x 72 px. It is far from SOR3D's recordings; train it on yours before you rely on it.",
+        inside="model"),
+    "grasp-prior": Recipe(
+        "Motion prior", prior, "the frozen base of grasping policies: human-like approach and lift of the Shadow Hand.", PHYSICS),
+    "grasp-teacher": Recipe(
+        "Grasping teacher", teacher, "grasps of tools that keep off negative parts, from the state of a simulator.", PHYSICS),
+    "grasp-student": Recipe(
+        "Grasping student", student, "the same grasps from depth images and proprioception.", PHYSICS),
+}  # fmt: skip
+"""shipped models by folder"""

@@ -1,0 +1,119 @@
+"""Train the models in `weights/` and write them there: float16, a card and digests for each. Also `make weights`.
+
+    python install/cycles.py                                     # once, for the two-hand model
+    PYTHONPATH=. python benchmarks/shipped/ship.py [NAME ...] [--store DIR] [--photographs DIR]
+    PYTHONPATH=. python benchmarks/shipped/ship.py --check       # name the models whose code has changed since; always exit code 0
+
+Trainings are cached and resumable. Figures of the cards are written by benchmarks/shipped/score.py, out of the shipped files.
+"""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from afford.models.shipped import FOLDER, read_record, ship
+from benchmarks.pages import ROOT, head
+from benchmarks.shipped.recipes import RECIPES, Recipe
+from commands.session import CODEC, WORKER, digester, open_runner
+from runner import Graph, Runner
+from runner.keys import CodeFingerprints
+from runner.modules import Modules
+from schemas.files import FileTree
+
+CARD, BESIDE = "card.md", ("previews/", "tensorboard/")
+MAX_TOTAL_BYTES = 30_000_000
+"""limit of all shipped models together"""
+
+
+def codes(graph: Graph) -> dict[str, str]:
+    """Stage -> digest of the code that can run behind it."""
+    known = CodeFingerprints(Modules(ROOT), CODEC, WORKER)
+    functions = {node.name: f"{node.value.__module__}:{node.value.__qualname__}" for node in graph.stages()}
+    return {node.name: known.of(functions[node.name], node.params).digest for node in graph.stages()}
+
+
+def stale(names: list[str]) -> Iterator[tuple[str, list[str]]]:
+    """Yield shipped models and the stages whose code differs from the one that made them."""
+    for name in names:
+        if (FOLDER / name).is_dir():
+            then, now = read_record(FOLDER / name)["stages"], codes(RECIPES[name].graph(lambda path: ""))
+            changed = sorted(stage for stage in then.keys() | now.keys() if then.get(stage) != now.get(stage))
+            if changed:
+                yield name, changed
+
+
+def made(name: str, recipe: Recipe, runner: Runner) -> tuple[FileTree, dict[str, Any]]:
+    """Train a model; its files, and the facts of its record. SystemExit where a stage failed."""
+    graph = recipe.graph(digester(runner))
+    report = runner.run(graph, "trained")
+    if not report.ok:
+        raise SystemExit(f"{name}: {report.failures[0]}")
+    ((_, digests),) = (pairs for pairs in report.outputs.values() if pairs)
+    stage = graph.stages()[-1].name
+    command = f"PYTHONPATH=. python benchmarks/shipped/ship.py {name}{' --photographs DIR' if recipe != RECIPES[name] else ''}"
+    facts = {"command": command, "commit": head(), "sets": list(RECIPES[name].sets), "stages": codes(graph), "output": digests,
+             "keys": report.used[stage], "seed": 0}  # fmt: skip
+    return runner.load(digests), facts
+
+
+def card(recipe: Recipe, facts: dict[str, Any], trained: str) -> str:
+    """Write the card of a model; `trained` is the one that the training wrote."""
+    return "\n\n".join((
+        f"# {recipe.title}", f"**For** {recipe.use}", f"**Limits.** {recipe.limits}", f"**Data.** {recipe.data}",
+        "**Licence** of the weights: Apache-2.0. Floats are half floats.",
+        f"**Made** by `{facts['command']}` at commit `{facts['commit']}`, seed {facts['seed']}, "
+        f"{'with ' + ', '.join(f'`{one}`' for one in recipe.sets) if recipe.sets else 'with the default parameters'}; "
+        f"output `{facts['output'][:16]}`.",
+        "## Training", trained.partition("\n")[2].replace("\n## ", "\n### ").strip(), "## Figures"))  # fmt: skip
+
+
+def write(name: str, runner: Runner, recipe: Recipe) -> int:
+    """Train and ship one model; the size of its folder in bytes."""
+    tree, facts = made(name, recipe, runner)
+    with TemporaryDirectory() as scratch:
+        for file in tree.files:
+            if not file.name.startswith(f"{recipe.inside}/" if recipe.inside else "") or file.name.startswith(BESIDE):
+                continue
+            place = Path(scratch) / file.name.removeprefix(f"{recipe.inside}/")
+            place.parent.mkdir(parents=True, exist_ok=True)
+            place.write_bytes(file.path.read_bytes())
+        written = tree.find(CARD)
+        ship(Path(scratch), FOLDER / name, card(recipe, facts, written.path.read_text() if written else ""), facts, recipe.left_out)
+    return sum(path.stat().st_size for path in (FOLDER / name).rglob("*") if path.is_file())
+
+
+def main() -> None:
+    """Train what is asked for, or check all."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("names", nargs="*", help=", ".join(RECIPES))
+    parser.add_argument("--store", type=Path)
+    parser.add_argument("--photographs", type=lambda text: Path(text).absolute(), help="photographs of surfaces, for twohands")
+    parser.add_argument("--check", action="store_true")
+    parser.add_argument("--jobs", type=int)
+    args = parser.parse_args()
+    names = args.names or list(RECIPES)
+    if args.check:
+        for name, changed in stale(names):
+            print(f"warning: weights/{name} was made by other code of {', '.join(changed)}; `make weights` ships it again")
+        return
+    if subprocess.run(("git", "diff", "--quiet", "HEAD"), cwd=ROOT).returncode:
+        raise SystemExit("commit first: a card names the commit that made its model")
+    runner = open_runner(args.store, jobs=args.jobs)
+    for name in names:
+        recipe = RECIPES[name]
+        if name == "twohands" and args.photographs:
+            recipe = replace(recipe, sets=(*recipe.sets, f"still_render.photographs={args.photographs}"))
+        print(f"{name}: {write(name, runner, recipe) / 1e6:.1f} MB", flush=True)
+    total = sum(path.stat().st_size for path in FOLDER.rglob("*") if path.is_file())
+    if total > MAX_TOTAL_BYTES:
+        raise SystemExit(f"weights/ has {total / 1e6:.1f} MB, more than {MAX_TOTAL_BYTES / 1e6:.0f}")
+
+
+if __name__ == "__main__":
+    main()

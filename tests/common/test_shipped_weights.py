@@ -1,0 +1,162 @@
+"""Shipped models: written as half floats with digests, read back, refused when changed; and those in `weights/`."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+from safetensors.torch import load_file, save_file
+
+from afford.models import shipped
+from afford.models.efficientnet_lite import FILE, EfficientNetLite0
+from afford.models.shipped import CARD, FOLDER, MEASURED, RECORD, file_digest, find_shipped, read_record, ship, shipped_files
+from afford.twohands.model import lite
+from afford.twohands.model.interface import Batch, ModelConfig, build
+from afford.twohands.model.model_folder import load_model, save_model
+from benchmarks.shipped.recipes import RECIPES
+from benchmarks.shipped.ship import codes, stale
+from commands.weights import resolve_weights
+from maps.settings import Origin, Settings
+from pipeline import build as build_graph
+from schemas.files import FileTree
+from tests.helpers.tiny_root import digest
+
+MADE: dict[str, Any] = {"command": "make weights", "commit": "abc", "stages": {"train": "1"}, "seed": 0}
+SHIPPED = sorted(path.name for path in FOLDER.glob("*") if path.is_dir())
+MAX_TOTAL_BYTES = 30_000_000
+TINY = ModelConfig(variant="lite", size_px=(64, 96), widths=(16, 24, 32), depth=1, decoder_depth=1, text_buckets=512)
+
+
+@pytest.fixture
+def weights(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty folder in place of `weights/`."""
+    monkeypatch.setattr(shipped, "FOLDER", tmp_path / "weights")
+    return tmp_path / "weights"
+
+
+@pytest.fixture
+def trained(tmp_path: Path) -> Path:
+    """Files of a trained model: floats, whole numbers, a config, and what is not of the model."""
+    folder = tmp_path / "trained"
+    (folder / "prior").mkdir(parents=True)
+    tensors = {"a": torch.linspace(-2, 2, 7), "others.b": torch.ones(3), "steps": torch.tensor([5])}
+    save_file(tensors, folder / "model.safetensors")
+    save_file({"c": torch.ones(2)}, folder / "prior" / "policy.safetensors")
+    (folder / "config.json").write_text('{"width": 3}')
+    (folder / "history.parquet").write_bytes(b"rows")
+    return folder
+
+
+def test_a_shipped_model_has_half_floats_and_the_files_of_the_model(weights: Path, trained: Path) -> None:
+    ship(trained, weights / "one", "# One", MADE, left_out="others.")
+    found = find_shipped("one")
+    assert found == weights / "one"
+    names = {path.relative_to(found).as_posix() for path in found.rglob("*") if path.is_file()}
+    assert names == {"model.safetensors", "prior/policy.safetensors", "config.json", CARD, RECORD}
+    tensors = load_file(found / "model.safetensors")
+    assert set(tensors) == {"a", "steps"} and tensors["a"].dtype == torch.float16 and tensors["steps"].dtype == torch.int64
+    assert torch.allclose(tensors["a"].float(), torch.linspace(-2, 2, 7), atol=2**-10)
+    tree = shipped_files("one", digest)
+    assert tree is not None and {file.name for file in tree.files} == names - {CARD, RECORD}
+    assert find_shipped("another") is None and shipped_files("another", digest) is None
+
+
+@pytest.mark.parametrize("damage", ["changed", "deleted"])
+def test_a_damaged_shipped_model_is_refused_in_one_sentence(weights: Path, trained: Path, damage: str) -> None:
+    ship(trained, weights / "one", "# One", MADE)
+    path = weights / "one" / "config.json"
+    path.unlink() if damage == "deleted" else path.write_text("{}")
+    with pytest.raises(ValueError, match=r"config\.json: expected the file that is shipped .*git checkout weights") as error:
+        find_shipped("one")
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"format": "afford-weights-1"}', '{"format": "afford-weights-1", "files": [1]}',
+                                  '{"format": "afford-weights-0", "files": {}}', "[" * 100_000])  # fmt: skip
+def test_a_foreign_record_is_refused_in_one_sentence(weights: Path, text: str) -> None:
+    (weights / "one").mkdir(parents=True)
+    (weights / "one" / RECORD).write_text(text)
+    with pytest.raises(ValueError, match=r"made\.json: expected") as error:
+        find_shipped("one")
+    assert "\n" not in str(error.value)
+
+
+def test_figures_of_a_card_do_not_change_its_digest(tmp_path: Path) -> None:
+    card = tmp_path / CARD
+    card.write_text(f"# One\n\n{MEASURED[0]}\n{MEASURED[1]}\n")
+    empty = file_digest(card)
+    card.write_text(f"# One\n\n{MEASURED[0]}\n| IoU | 0.5 |\n{MEASURED[1]}\n")
+    assert file_digest(card) == empty
+    card.write_text(f"# Two\n\n{MEASURED[0]}\n{MEASURED[1]}\n")
+    assert file_digest(card) != empty
+
+
+def test_weights_beyond_half_floats_are_refused(weights: Path, trained: Path) -> None:
+    save_file({"a": torch.tensor([1e6])}, trained / "model.safetensors")
+    with pytest.raises(ValueError, match="below 65504"):
+        ship(trained, weights / "one", "# One", MADE)
+
+
+def test_a_two_hand_model_without_its_encoder_is_completed_from_set_up(weights: Path, tmp_path: Path,
+                                                                       monkeypatch: pytest.MonkeyPatch) -> None:  # fmt: skip
+    """Predictions of the shipped model equal those of the trained one up to half precision."""
+    torch.manual_seed(1)
+    published = EfficientNetLite0()
+    torch.save(published.state_dict(), tmp_path / FILE)
+    model = build(replace(TINY, backbones=str(tmp_path)), 0).eval()
+    save_model(model, tmp_path / "model")
+    ship(tmp_path / "model", weights / "twohands", "# Two hands", MADE, left_out=lite.BACKBONE)
+    assert not any(name.startswith(lite.BACKBONE) for name in load_file(weights / "twohands" / "model.safetensors"))
+    monkeypatch.setattr(lite, "encoder_path", lambda: tmp_path / FILE)
+    found = load_model(weights / "twohands")
+    asked = Batch(torch.rand(1, 3, *TINY.size_px, generator=torch.Generator().manual_seed(3)), ("open jar",))
+    with torch.no_grad():
+        assert torch.allclose(found(asked).logits, model(asked).logits, atol=0.05)
+    monkeypatch.setattr(lite, "encoder_path", lambda: tmp_path / "none" / FILE)
+    with pytest.raises(ValueError, match=r"run `python install/image_encoder\.py`"):
+        load_model(weights / "twohands")
+
+
+def test_meshes_of_a_user_are_scored_without_a_training(weights: Path, trained: Path) -> None:
+    """The shipped scorer replaces the training for meshes, unless parameters of the training are set; measures still train."""
+    ship(trained, weights / shipped.PARTS, "# Parts", MADE)
+    meshes = Origin("mine", meshes=(FileTree("mug", ()),))
+    usual = resolve_weights(Settings(), digest)
+    other = Settings()
+    longer = replace(other.surface.scorer_train, steps=9)
+    asked = resolve_weights(other.with_stages(scorer_train=longer), digest)
+
+    def trains(origin: Origin, p: Settings) -> bool:
+        return any(node.name == "scorer_train" for node in build_graph("negative-affordance", origin, p).stages())
+
+    assert not trains(meshes, usual) and trains(meshes, asked)
+    assert trains(Origin("negative-affordance"), usual) and trains(meshes, Settings())
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_shipped_files_have_their_digests_a_card_and_a_record(name: str) -> None:
+    found = find_shipped(name)
+    assert found is not None
+    card, record = (found / CARD).read_text(), read_record(found)
+    assert all(part in card for part in ("**For**", "**Limits.**", "**Data.**", "**Licence**", "**Made**", "## Figures", *MEASURED))
+    assert "|" in card.partition(MEASURED[0])[2], "run benchmarks/shipped/score.py"
+    assert record["seed"] == 0 and record["stages"] and record["keys"] and not any("/" in text for text in record["sets"])
+    files = {path.relative_to(found).as_posix() for path in found.rglob("*") if path.suffix in (".json", ".safetensors", ".md")}
+    assert set(record["files"]) == files - {RECORD}
+    assert not any("backbone" in key for path in found.rglob("*.safetensors") for key in load_file(path)), "third-party weights"
+
+
+def test_shipped_files_are_small() -> None:
+    assert sum(path.stat().st_size for path in FOLDER.rglob("*") if path.is_file()) <= MAX_TOTAL_BYTES
+
+
+def test_models_made_by_other_code_are_named(weights: Path, trained: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("benchmarks.shipped.ship.FOLDER", weights)
+    now = codes(RECIPES["parts"].graph(lambda path: ""))
+    ship(trained, weights / "parts", "# Parts", {**MADE, "stages": now})
+    assert not list(stale(["parts", "sor3d"]))
+    ship(trained, weights / "parts", "# Parts", {**MADE, "stages": {**now, "scorer_train": "other", "gone": "1"}})
+    assert list(stale(["parts"])) == [("parts", ["gone", "scorer_train"])]
