@@ -59,14 +59,15 @@ def resolve_weights(chosen: Settings, digest: Callable[[Path], str]) -> Settings
 
 
 def _shipped(chosen: Settings, digest: Callable[[Path], str]) -> dict[str, FileTree]:
-    """Shipped models by the stage that trained them, where its parameters are the defaults: others ask for a training."""
-    from afford.models.shipped import PARTS, shipped_files
+    """Shipped models by the stage that trained them; left out where parameters of a training were set, which asks for one."""
+    from afford.models.shipped import PARTS, TEACHER, shipped_files
 
     found = {}
-    for stage, name in (("scorer_train", PARTS),):
-        params = chosen.params(stage)
+    for name, stages in ((PARTS, ("scorer_train",)), (TEACHER, ("rl_grasp_refinement", "hand_imitation"))):
+        stage = stages[0]
         try:
-            files = shipped_files(name, digest) if params == type(params)() else None
+            usual = all(chosen.params(one) == type(chosen.params(one))() for one in stages)
+            files = shipped_files(name, digest) if usual else None
         except ValueError as error:
             raise UsageError(str(error)) from error
         if files is not None:

@@ -1,7 +1,7 @@
 """Graph of the grasping system: objects and human motion -> prior, teachers, students -> evaluations and the report.
 
-Targets: `grasp` (a teacher with and without negative rewards), `grasp-full` (all rows of the tables), `motions` (recorded motion
-in the joints of the robot hand).
+Targets: `grasp` (a teacher with and without negative rewards), `grasp-full` (all rows of the tables), `grasp-play` (a film of the
+shipped teacher), `motions` (recorded motion in the joints of the robot hand).
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from afford.grasping.evaluate.recipes import NO_NEGATIVE, POSITIVE, POSITIVE_TRUTH, ROWS, STUDENT, STUDENTS, TEACHER, planned_runs
 from afford.grasping.hand.assets import shadow_files
 from maps import extraction, surface, twohands
-from maps.common import parameters, record_run, recorded, reported, weights
+from maps.common import parameters, record_run, recorded, reported, shipped, weights
 from maps.settings import Origin, Settings
 from maps.synthetic import stills_to_train, videos
 from runner import Graph
@@ -59,6 +59,8 @@ LEVELS_OF_ROW = {TEACHER: LEVELS, NO_NEGATIVE: LEVELS, STUDENT: LEVELS, POSITIVE
 """row -> levels it is evaluated on; every other row is evaluated on level `train` only"""
 CONDITIONS: dict[str, dict[str, Any]] = {"dropped": {"poses": "dropped"}, "pushed": {"push_n": 2.0}}
 """further evaluations of a teacher on level `train`: objects dropped at random; pushes on the raised object"""
+SHOWN, EPISODES_SHOWN = ("knife", "screwdriver", "spatula"), 9
+"""tools of `grasp-play`, and its episodes"""
 SHAPES, SIZES, BALLAST = 6, (0.85, 1.15), 6.0
 """shapes of each training category; scales of level `unseen_size`; density of negative parts relative to the others in half of the
 training tasks (steel on wood), so that policies also learn to hold an object beside its centre of mass"""
@@ -367,6 +369,25 @@ def grasp_full(g: Graph, origin: Origin, p: Settings) -> None:
             results.episodes.extend(evaluate(g, with_predicted, policy, f"{TEACHER}_naa", 0, (NEW_SHAPES,), p))
     results.episodes.extend(evaluate(g, s, g.pick(s.prior, lambda t: t.files), "prior", 0, LEVELS[:1], p))
     report(g, "grasp-full", s, results, evaluate_prior(g, s, p), p, others, **predicted)
+
+
+def grasp_play(g: Graph, origin: Origin, p: Settings) -> None:
+    """Grasps of built-in tools of new shapes by the shipped teacher, filmed and recorded; a teacher is trained where none is."""
+    policy, hand = shipped(g, p, "rl_grasp_refinement"), None
+    if policy is None:
+        made = setup(g, p)
+        policy, hand = g.pick(train_teacher(g, made, TEACHER, 0, p), lambda t: t.files), made.hand
+    hand = robot_hand(g, p) if hand is None else hand
+    chosen = replace(p.synthetic.object_plan, splits=("seen",), categories=p.synthetic.object_plan.categories or SHOWN)
+    tools = rigid_bodies(g, "shown", chosen, p)
+    tasks = g.collect(object_tasks(g, "shown", tools, p.grasping.grasp_tasks))
+    people = human_motion(g, hand, tools[1], p, "shown_")
+    few = replace(p.grasping.grasp_evaluate, engine="mujoco", episodes=EPISODES_SHOWN, traces=EPISODES_SHOWN)
+    episodes = g.named("teacher_shown").add(grasp_evaluate.run, hand=hand, tasks=tasks, policy=policy, references=people.references,
+                                            params=few, ctx=g.ctx)  # fmt: skip
+    shown = g.named("teacher_record").add(grasp_record.run, hand=hand, tasks=tasks, episodes=episodes,
+                                          params=p.grasping.grasp_record, ctx=g.ctx)  # fmt: skip
+    g.target("grasp-play", g.publish(shown, "recordings/{source}/grasps", as_="films"))
 
 
 def report(g: Graph, target: str, s: Setup, results: Results, followed: Iterable[ClipsFollowed], p: Settings,

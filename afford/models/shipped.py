@@ -21,7 +21,7 @@ from afford.models.weights import weight_files
 from schemas.files import FileTree
 
 FOLDER = Path(__file__).resolve().parents[2] / "weights"
-TWO_HANDS, PARTS, SOR3D = "twohands", "parts", "sor3d"
+TWO_HANDS, PARTS, SOR3D, TEACHER = "twohands", "parts", "sor3d", "grasp-teacher"
 CARD, RECORD, FORMAT = "card.md", "made.json", "afford-weights-1"
 SHIPPED = (".json", ".safetensors")
 MEASURED = ("<!-- measured: written by benchmarks/shipped/score.py -->", "<!-- end of measured -->")

@@ -29,7 +29,7 @@ RECORDED: dict[str, tuple[str, ...]] = {
     "hands": ("hands_train",), "held": ("held_train",),
     "negative-affordance": ("{clip}", "negative_affordance_report", "scorer_train"),
     "motions": ("motion_files", "motion_read"), "grasp": ("grasp_report", *GRASPING),
-    "grasp-full": ("grasp_report", *GRASPING, "grasp_student"), "interactions": (),
+    "grasp-full": ("grasp_report", *GRASPING, "grasp_student"), "grasp-play": (), "interactions": (),
     "sor3d": ("sor3d_train", "sor3d_report"), "sor3d-ablation": ("sor3d_report",),
     "static-sets": (*STATIC, "static_report", "boxes_train"), "extraction-report": ("extraction_report",),
     "recordings": ("{clip}",), "scenes": (), "train-set": ("train_pack",), "benchmark-set": ()}  # fmt: skip
@@ -38,7 +38,8 @@ PLACES: dict[str, dict[str, str]] = {
     "dataset": {"dataset": "datasets/{source}"}, "train": {"model": "models/{source}"}, "benchmark": REPORT, "ablation": REPORT,
     "hands": {}, "held": {}, "negative-affordance": {**REPORT, "negative": "negative/{source}/{clip}"},
     "motions": {"report": "motions/{source}"}, "grasp": {**REPORT, **FILMS},
-    "grasp-full": {**REPORT, **FILMS, "student": "models/{source}-student"}, "interactions": {},
+    "grasp-full": {**REPORT, **FILMS, "student": "models/{source}-student"},
+    "grasp-play": {"films": "recordings/{source}/grasps"}, "interactions": {},
     "sor3d": {**REPORT, "model": "models/{source}", "films": "recordings/{source}/interactions"}, "sor3d-ablation": REPORT,
     "static-sets": {name: f"reports/{{source}}/{name}" for name in (*STATIC, "static_report")}, "extraction-report": REPORT,
     "recordings": {}, "scenes": {"scenes": "scenes/{source}/{clip}/files"}, "train-set": {"dataset": "datasets/{source}"},
