@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ from maps.grasping import STUDENT, TEACHER
 from maps.settings import Origin, Settings
 from maps.synthetic import stills_to_train
 from runner import Graph
+from schemas.files import FileTree
 
 RENDERED = "Pictures, shapes, motion and labels are rendered or simulated by this project; no recorded data."
 
@@ -23,53 +24,61 @@ class Recipe:
     """How a shipped model is made, and what its card says."""
 
     title: str
-    build: Callable[[Graph, Settings], Any]
+    build: Callable[[Graph, Settings, Origin], Any]
     """adds its graph, and returns the handle of the trained files"""
     use: str
     limits: str
     data: str = RENDERED
     sets: tuple[str, ...] = ()
     """parameters that differ from the defaults, STAGE.PARAM=VALUE"""
+    stills: tuple[tuple[str, ...], ...] = ()
+    """parameters of each `train-set` that the model learns from; all are joined"""
     inside: str = ""
     """folder of the model inside the trained files"""
     left_out: str = ""
     """prefix of the tensors that another package publishes"""
 
-    def graph(self, digest: Callable[[Path], str]) -> Graph:
-        """Build the graph with the target `trained`."""
+    def graph(self, digest: Callable[[Path], str], dataset: FileTree | None = None) -> Graph:
+        """Build the graph with the target `trained`; `dataset`: the joined stills."""
         g = Graph()
-        g.target("trained", self.build(g, resolve_weights(settings(self.sets, None), digest)))
+        g.target("trained", self.build(g, resolve_weights(settings(self.sets, None), digest), Origin("shipped", dataset=dataset)))
         return g
 
+    def still_graphs(self, digest: Callable[[Path], str]) -> Iterator[Graph]:
+        """Build the graph of each of `stills`, with the target `stills`."""
+        for sets in self.stills:
+            g = Graph()
+            g.target("stills", stills_to_train(g, resolve_weights(settings(sets, None), digest)))
+            yield g
 
-def two_hands(g: Graph, p: Settings) -> Any:
+
+def two_hands(g: Graph, p: Settings, origin: Origin) -> Any:
     """Train the two-hand model on rendered stills."""
-    return g.pick(twohands.train_model(g, stills_to_train(g, p), p), lambda t: t.files)
+    return g.pick(twohands.train_model(g, twohands.training_data(g, origin, p), p), lambda t: t.files)
 
 
-def sor3d(g: Graph, p: Settings) -> Any:
+def sor3d(g: Graph, p: Settings, origin: Origin) -> Any:
     """Train the SOR3D-AFF model on rendered sequences."""
-    origin = Origin("sor3d")
     found = rgbd.training_data(g, origin, p)
     return g.pick(rgbd.train_model(g, origin, found.dataset, rgbd.default_recipes(p), p).model, lambda t: t.files)
 
 
-def parts(g: Graph, p: Settings) -> Any:
+def parts(g: Graph, p: Settings, origin: Origin) -> Any:
     """Train the part scorer on procedural objects."""
     return surface.train_scorer(g, p).files(g)
 
 
-def prior(g: Graph, p: Settings) -> Any:
+def prior(g: Graph, p: Settings, origin: Origin) -> Any:
     """Train the motion prior."""
     return g.pick(grasping.setup(g, p).prior, lambda t: t.files)
 
 
-def teacher(g: Graph, p: Settings) -> Any:
+def teacher(g: Graph, p: Settings, origin: Origin) -> Any:
     """Train the teacher over the prior."""
     return g.pick(grasping.train_teacher(g, grasping.setup(g, p), TEACHER, 0, p), lambda t: t.files)
 
 
-def student(g: Graph, p: Settings) -> Any:
+def student(g: Graph, p: Settings, origin: Origin) -> Any:
     """Train the student from the teacher."""
     made = grasping.setup(g, p)
     grasping.train_teacher(g, made, TEACHER, 0, p)
@@ -86,11 +95,14 @@ RECIPES = {
         "Household objects on tables and counters, seen by the person who acts. Kinds that it was not trained on, and whole "
         "pictures with many objects, are much harder than crops; see the figures. It answers every question, also where no object "
         "fits. Not for deciding whether touching something is safe, and not for recognising or monitoring people.",
-        data="Path-traced stills of rendered kitchens (`still_render.backend=cycles`: Blender's Cycles, GPL, a program that this "
-             "model does not contain; photographs of surfaces out of `robosuite`, MIT, and `scikit-image`). The image encoder is "
-             "EfficientNet-Lite0 (Apache-2.0), frozen, trained by its authors on ImageNet, whose pictures have terms of their own; "
-             "its weights are not in this file: set-up fetches them.",
-        sets=(*LITE, "still_render.backend=cycles"), inside="model", left_out="encoder.backbone."),
+        data="Stills of rendered kitchens: half by a path tracer (`still_render.backend=cycles`: Blender's Cycles, GPL, a program "
+             "that this model does not contain), half by the fast renderer. Some path-traced surfaces are photographs out of "
+             "`robosuite` (MIT), `scikit-image` (BSD-3-Clause), `pybullet` (zlib), `gnome-backgrounds` (CC-BY-SA-3.0) and "
+             "`mate-backgrounds` (GPL-2+ and CC-BY-SA), which are not in this file. The image encoder is EfficientNet-Lite0 "
+             "(Apache-2.0), frozen, trained by its authors on ImageNet, whose pictures have terms of their own; its weights are "
+             "not in this file either: set-up fetches them.",
+        sets=(*LITE, "model_train.steps=3000"),
+        stills=(("still_render.backend=cycles",), ("train_plan.seed=2",)), inside="model", left_out="encoder.backbone."),
     "parts": Recipe(
         "Part scorer", parts, "`make negative-affordance SOURCE=meshes`: which face of an object belongs to which part.",
         "Procedural meshes without scan noise. On scans, and on kinds it was not trained on, parts are confused more often. Not "

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import argparse
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -26,6 +26,7 @@ from runner.keys import CodeFingerprints
 from runner.modules import Modules
 from schemas.files import FileTree
 
+CYCLES = "still_render.backend=cycles"
 CARD, BESIDE = "card.md", ("previews/", "tensorboard/")
 MAX_TOTAL_BYTES = 30_000_000
 """limit of all shipped models together"""
@@ -38,11 +39,36 @@ def codes(graph: Graph) -> dict[str, str]:
     return {node.name: known.of(functions[node.name], node.params).digest for node in graph.stages()}
 
 
+def all_codes(recipe: Recipe, digest: Callable[[Path], str]) -> dict[str, str]:
+    """Digests of the code behind the training of a model and its stills."""
+    dataset = FileTree("stills", ()) if recipe.stills else None
+    graphs = (*recipe.still_graphs(digest), recipe.graph(digest, dataset))
+    return {stage: code for graph in reversed(graphs) for stage, code in codes(graph).items()}
+
+
+def run(runner: Runner, graph: Graph, target: str) -> tuple[FileTree, str, Any]:
+    """Run a graph of one output; its files, their digest and the report. SystemExit where a stage failed."""
+    report = runner.run(graph, target)
+    if not report.ok:
+        raise SystemExit(f"{target}: {report.failures[0]}")
+    ((_, digest),) = (pairs for (pairs,) in report.outputs.values())
+    return runner.load(digest), digest, report
+
+
+def joined(sets: Sequence[FileTree]) -> FileTree | None:
+    """Join data sets: files of the first, and samples of the others; None for none."""
+    if not sets:
+        return None
+    more = (replace(file, name=f"more{n}/{file.name}") for n, one in enumerate(sets[1:], 1) for file in one.files
+            if file.name.endswith(".parquet"))  # fmt: skip
+    return FileTree(sets[0].name, tuple(sorted((*sets[0].files, *more), key=lambda file: file.name)))
+
+
 def stale(names: list[str]) -> Iterator[tuple[str, list[str]]]:
     """Yield shipped models and the stages whose code differs from the one that made them."""
     for name in names:
         if (FOLDER / name).is_dir():
-            then, now = read_record(FOLDER / name)["stages"], codes(RECIPES[name].graph(lambda path: ""))
+            then, now = read_record(FOLDER / name)["stages"], all_codes(RECIPES[name], lambda path: "")
             changed = sorted(stage for stage in then.keys() | now.keys() if then.get(stage) != now.get(stage))
             if changed:
                 yield name, changed
@@ -50,16 +76,16 @@ def stale(names: list[str]) -> Iterator[tuple[str, list[str]]]:
 
 def made(name: str, recipe: Recipe, runner: Runner) -> tuple[FileTree, dict[str, Any]]:
     """Train a model; its files, and the facts of its record. SystemExit where a stage failed."""
-    graph = recipe.graph(digester(runner))
-    report = runner.run(graph, "trained")
-    if not report.ok:
-        raise SystemExit(f"{name}: {report.failures[0]}")
-    ((_, digests),) = (pairs for pairs in report.outputs.values() if pairs)
+    digest = digester(runner)
+    stills = [run(runner, graph, "stills")[0] for graph in recipe.still_graphs(digest)]
+    graph = recipe.graph(digest, joined(stills))
+    files, output, report = run(runner, graph, "trained")
     stage = graph.stages()[-1].name
     command = f"PYTHONPATH=. python benchmarks/shipped/ship.py {name}{' --photographs DIR' if recipe != RECIPES[name] else ''}"
-    facts = {"command": command, "commit": head(), "sets": list(RECIPES[name].sets), "stages": codes(graph), "output": digests,
+    sets = [*RECIPES[name].sets, *(one for some in RECIPES[name].stills for one in some)]
+    facts = {"command": command, "commit": head(), "sets": sets, "stages": all_codes(recipe, digest), "output": output,
              "keys": report.used[stage], "seed": 0}  # fmt: skip
-    return runner.load(digests), facts
+    return files, facts
 
 
 def card(recipe: Recipe, facts: dict[str, Any], trained: str) -> str:
@@ -108,7 +134,8 @@ def main() -> None:
     for name in names:
         recipe = RECIPES[name]
         if name == "twohands" and args.photographs:
-            recipe = replace(recipe, sets=(*recipe.sets, f"still_render.photographs={args.photographs}"))
+            shown = f"still_render.photographs={args.photographs}"
+            recipe = replace(recipe, stills=tuple((*sets, shown) if CYCLES in sets else sets for sets in recipe.stills))
         print(f"{name}: {write(name, runner, recipe) / 1e6:.1f} MB", flush=True)
     total = sum(path.stat().st_size for path in FOLDER.rglob("*") if path.is_file())
     if total > MAX_TOTAL_BYTES:
