@@ -21,7 +21,7 @@ RENDERED = "Pictures, shapes, motion and labels are rendered or simulated by thi
 
 @dataclass(frozen=True)
 class Recipe:
-    """How a shipped model is made, and what its card says."""
+    """Training of a shipped model, and the words of its card."""
 
     title: str
     build: Callable[[Graph, Settings, Origin], Any]
