@@ -5,7 +5,7 @@
 
 --before: folder of an earlier model, such as that of `make train`; --after: the shipped one by default. Nothing is chosen on these
 pictures. Left: before; right: after. Orange: left hand, blue: right hand. Photographs are those of `opencv-doc` (Apache-2.0) and
-`scikit-image` (coffee, Rachel Michetti, CC0; motorcycle, Middlebury stereo benchmark, CC0).
+`scikit-image` (coffee, by Rachel Michetti, CC0).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from benchmarks.hands.photographs import DEFAULT
 from benchmarks.pages import ROOT
 
 ASKED = {
-    "scikit-image": (("coffee", "lift cup"), ("coffee", "take spoon"), ("motorcycle_left", "hold handlebar")),
+    "scikit-image": (("coffee", "lift cup"), ("coffee", "take spoon"), ("coffee", "carry saucer")),
     "opencv-doc": (("apple", "take apple"), ("HDRtoneMapping_candleSample", "take glass"),
                    ("HDRtoneMapping_candleSample", "take candle"), ("astra_color", "take pumpkin"), ("astra_color", "carry pot"),
                    ("choriginal", "take paper"), ("ela_original", "open book"), ("fruits", "take lemon"), ("left", "take book"),

@@ -12,6 +12,7 @@ from safetensors.numpy import load_file
 
 from afford.common.errors import SourceError
 from afford.common.video.frames import decode_video
+from afford.models import shipped
 from afford.rgbd import footage
 from afford.rgbd.footage import Lens, Sampling
 from afford.rgbd.model.checkpoint import FORMAT
@@ -167,8 +168,10 @@ def test_camera_of_the_square(shown: Path) -> None:
         (("--store", "nowhere"), "no model of `run sor3d` there"),
     ],
 )
-def test_a_wrong_call_is_refused(words: tuple[str, ...], hint: str, store: Path, shown: Path, tmp_path: Path) -> None:
+def test_a_wrong_call_is_refused(words: tuple[str, ...], hint: str, store: Path, shown: Path, tmp_path: Path,
+                                 monkeypatch: pytest.MonkeyPatch) -> None:  # fmt: skip
     """Exit 2, one sentence, nothing written."""
+    monkeypatch.setattr(shipped, "FOLDER", tmp_path / "weights")
     refused = predict(store, shown / "rgb", tmp_path / "out", *words)
     assert refused.code == 2 and hint in refused.words.replace("│ ", "") and "Traceback" not in refused.err
     assert not (tmp_path / "out").exists()

@@ -26,8 +26,9 @@ from rich.console import Console
 from afford.codecs.kinds import digest as digest_of
 from afford.common.image_files import jpeg
 from afford.common.palette import HANDS
+from afford.models import shipped
 from afford.twohands.demo import server
-from afford.twohands.demo.examples import Example, examples
+from afford.twohands.demo.examples import Example, beside, examples
 from afford.twohands.demo.server import Site
 from afford.twohands.demo.service import MAX_SIDE_PX, PredictionService
 from afford.twohands.model import model_folder
@@ -242,8 +243,19 @@ def test_examples_after_a_training_are_held_out_samples(model: Path, tmp_path: P
     assert cv2.imdecode(np.frombuffer(found[0].jpeg, np.uint8), cv2.IMREAD_COLOR).shape == (180, 320, 3)
 
 
-def test_the_verb_refuses_what_it_cannot_serve(site: Site, model: Path, tmp_path: Path) -> None:
+def test_pictures_beside_a_model_are_its_examples(tmp_path: Path) -> None:
+    """Tasks are the names of the files; other files are no examples."""
+    assert beside(tmp_path) == []
+    (tmp_path / "examples").mkdir()
+    for name in ("pour-tea-from-kettle.jpg", "cut-bread.jpg", "notes.txt"):
+        (tmp_path / "examples" / name).write_bytes(name.encode())
+    wanted = [("cut bread", b"cut-bread.jpg"), ("pour tea from kettle", b"pour-tea-from-kettle.jpg")]
+    assert beside(tmp_path) == [Example(*one) for one in wanted]
+
+
+def test_the_verb_refuses_what_it_cannot_serve(site: Site, model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """No model, or an address that is taken: exit 2, one sentence."""
+    monkeypatch.setattr(shipped, "FOLDER", tmp_path / "weights")
     none = call("demo", "--store", tmp_path)
     assert none.code == 2 and "run `make train` or give --model DIR" in none.err
     taken = call("demo", "--model", model, "--port", str(site.server_address[1]), "--store", tmp_path)

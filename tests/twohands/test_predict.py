@@ -23,6 +23,7 @@ from afford.common.image_files import Picture, decode_image
 from afford.common.palette import HANDS
 from afford.common.video.frames import decode_video, every_nth
 from afford.common.video.inputs import find
+from afford.models import shipped
 from afford.twohands.inference import Question, ask
 from afford.twohands.model import model_folder
 from afford.twohands.model.predictor import Predictor
@@ -271,8 +272,10 @@ def test_names_never_meet(tmp_path: Path) -> None:
         (("--store", "nowhere"), "run `make train` or give --model DIR"),
     ],
 )
-def test_a_wrong_call_is_refused(words: tuple[str, ...], hint: str, store: Path, tmp_path: Path) -> None:
+def test_a_wrong_call_is_refused(words: tuple[str, ...], hint: str, store: Path, tmp_path: Path,
+                                 monkeypatch: pytest.MonkeyPatch) -> None:  # fmt: skip
     """Exit 2, one sentence, nothing written."""
+    monkeypatch.setattr(shipped, "FOLDER", tmp_path / "weights")
     refused = predict(store, write_picture(tmp_path / "kettle.png"), tmp_path / "out", *words)
     assert refused.code == 2 and hint in refused.words.replace("│ ", "") and "Traceback" not in refused.err
     assert not (tmp_path / "out").exists()
@@ -307,6 +310,20 @@ def test_the_model_published_last_answers(model: Path, tmp_path: Path) -> None:
         os.utime(place.parent, (1000 + n, 1000 + n))
     assert model_folder.latest_model(tmp_path / "models") == tmp_path / "models" / "new"
     assert model_folder.latest_model(tmp_path / "none") is None
+
+
+def test_the_shipped_model_answers_where_none_was_trained(model: Path, store: Path, tmp_path: Path,
+                                                          monkeypatch: pytest.MonkeyPatch) -> None:  # fmt: skip
+    """A trained model comes first; a damaged shipped one is refused."""
+    monkeypatch.setattr(shipped, "FOLDER", tmp_path / "weights")
+    shipped.ship(model, tmp_path / "weights" / shipped.TWO_HANDS, "# Two hands", {"stages": {}})
+    image = write_picture(tmp_path / "kettle.png")
+    used = {name: predict(where, image, tmp_path / name, "--json").json["model"]["name"]
+            for name, where in (("trained", store), ("none", tmp_path / "empty"))}  # fmt: skip
+    assert used["none"] == shipped.TWO_HANDS and used["trained"] != shipped.TWO_HANDS
+    (tmp_path / "weights" / shipped.TWO_HANDS / "config.json").write_text("{}")
+    refused = predict(tmp_path / "empty", image, tmp_path / "out")
+    assert refused.code == 2 and "git checkout weights" in refused.err and "Traceback" not in refused.err
 
 
 # -- pictures ----------------------------------------------------------------------------------------------------------
