@@ -19,6 +19,7 @@ from typing import Any
 from afford.common.files import tree
 from afford.models.shipped import CARD, FOLDER, MEASURED, shipped_files
 from benchmarks.shipped.recipes import RECIPES
+from commands.progress import observer
 from commands.session import digester, open_runner
 from maps import grasping, rgbd, surface, twohands
 from maps.settings import Origin, Settings
@@ -43,7 +44,8 @@ def run(runner: Runner, stage: str, build: Callable[[Graph], FileTree]) -> Figur
     """Figures of the report (`metrics.json`) that a stage of the graph writes. SystemExit where a stage failed."""
     g = Graph()
     g.target("figures", build(g))
-    report = runner.run(g, "figures")
+    with observer(quiet=False) as shown:
+        report = runner.run(g, "figures", observer=shown)
     if not report.ok:
         raise SystemExit(str(report.failures[0]))
     ((_, digest),) = report.outputs[stage]

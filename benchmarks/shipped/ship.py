@@ -20,6 +20,7 @@ from typing import Any
 from afford.models.shipped import FOLDER, read_record, ship
 from benchmarks.pages import ROOT, head
 from benchmarks.shipped.recipes import RECIPES, Recipe
+from commands.progress import observer
 from commands.session import CODEC, WORKER, digester, open_runner
 from runner import Graph, Runner
 from runner.keys import CodeFingerprints
@@ -48,7 +49,8 @@ def all_codes(recipe: Recipe, digest: Callable[[Path], str]) -> dict[str, str]:
 
 def run(runner: Runner, graph: Graph, target: str) -> tuple[FileTree, str, Any]:
     """Run a graph of one output; its files, their digest and the report. SystemExit where a stage failed."""
-    report = runner.run(graph, target)
+    with observer(quiet=False) as shown:
+        report = runner.run(graph, target, observer=shown)
     if not report.ok:
         raise SystemExit(f"{target}: {report.failures[0]}")
     ((_, digest),) = (pairs for (pairs,) in report.outputs.values())
