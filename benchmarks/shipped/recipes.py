@@ -102,7 +102,8 @@ RECIPES = {
              "(Apache-2.0), frozen, trained by its authors on ImageNet, whose pictures have terms of their own; its weights are "
              "not in this file either: set-up fetches them.",
         sets=(*LITE, "model_train.hypotheses=1", "model_train.steps=3000", "model_train.validate_every=1000"),
-        stills=(("still_render.backend=cycles", "train_plan.rooms=46"), ("train_plan.seed=2",)), inside="model", left_out="encoder.backbone."),
+        stills=(("still_render.backend=cycles", "train_plan.rooms=46"), ("train_plan.seed=2",)), inside="model",
+        left_out="encoder.backbone."),
     "parts": Recipe(
         "Part scorer", parts, "`make negative-affordance SOURCE=meshes`: which face of an object belongs to which part.",
         "Procedural meshes without scan noise. On scans, and on kinds it was not trained on, parts are confused more often. Not "

@@ -3,6 +3,7 @@
     PYTHONPATH=. python benchmarks/shipped/score.py [NAME ...] [--store DIR] [--cases DIR,...]
 
 --cases: sets of stills for the two-hand model, such as those of `run benchmark-set` with each renderer; one is rendered by default.
+The first of several sets also gives the example pictures of the demo, which no training shows.
 Intervals hold 95 % of resampled cases (strict measures, docs/twohands/benchmark.md) or are Wilson's, of rates. One model each: how
 much a training varies is measured by the benchmarks that train.
 """
@@ -17,7 +18,8 @@ from pathlib import Path
 from typing import Any
 
 from afford.common.files import tree
-from afford.models.shipped import CARD, FOLDER, MEASURED, shipped_files
+from afford.models.shipped import CARD, FOLDER, MEASURED, TWO_HANDS, shipped_files
+from afford.twohands.demo.examples import EXAMPLES, examples
 from benchmarks.shipped.recipes import RECIPES
 from commands.progress import observer
 from commands.session import digester, open_runner
@@ -155,6 +157,13 @@ def into(card: Path, rows: list[Row]) -> None:
     card.write_text(f"{before}{MEASURED[0]}\n{table}\n{MEASURED[1]}{rest.partition(MEASURED[1])[2]}")
 
 
+def write_examples(cases: Path, folder: Path) -> None:
+    """Write pictures of a set of stills for the demo, named by their tasks."""
+    folder.mkdir(exist_ok=True)
+    for one in examples(cases.parent):
+        (folder / f"{one.task.replace(' ', '-')}.jpg").write_bytes(one.jpeg)
+
+
 def main() -> None:
     """Measure what is asked for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -169,6 +178,8 @@ def main() -> None:
         if model is None:
             raise SystemExit(f"weights/{name}: no shipped model there; run benchmarks/shipped/ship.py {name}")
         rows = SCORES[name](runner, model, args)
+        if name == TWO_HANDS and args.cases:
+            write_examples(args.cases[0], FOLDER / name / EXAMPLES)
         into(FOLDER / name / CARD, rows)
         print(name, *(" | ".join(row) for row in rows), sep="\n", flush=True)
 
