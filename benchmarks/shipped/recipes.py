@@ -85,6 +85,8 @@ def student(g: Graph, p: Settings, origin: Origin) -> Any:
     return g.pick(grasping.train_student(g, made, STUDENT, 0, p), lambda t: t.files)
 
 
+SIMULATED = ("Objects, human motion and physics are synthetic; no recorded data. The hand is the model of the Shadow Hand in "
+             "`gymnasium-robotics`.")  # fmt: skip
 LITE = ("model_train.variant=lite", "model_train.height_px=192", "model_train.width_px=256")
 PHYSICS = ("Simulated contact alone. It has not been tried on a robot: do not let it move hardware near people. Objects that are "
            "longer, thicker or heavier than its training objects are outside its experience.")  # fmt: skip
@@ -113,10 +115,12 @@ RECIPES = {
         "Rendered sequences of 72 x 72 px. It is far from SOR3D's recordings; train it on yours before you rely on it.",
         inside="model"),
     "grasp-prior": Recipe(
-        "Motion prior", prior, "the frozen base of grasping policies: human-like approach and lift of the Shadow Hand.", PHYSICS),
+        "Motion prior", prior, "the frozen base of grasping policies: human-like approach and lift of the Shadow Hand.", PHYSICS,
+        SIMULATED),
     "grasp-teacher": Recipe(
-        "Grasping teacher", teacher, "grasps of tools that keep off negative parts, from the state of a simulator.", PHYSICS),
+        "Grasping teacher", teacher, "grasps of tools that keep off negative parts, from the state of a simulator.", PHYSICS,
+        SIMULATED),
     "grasp-student": Recipe(
-        "Grasping student", student, "the same grasps from depth images and proprioception.", PHYSICS),
+        "Grasping student", student, "the same grasps from depth images and proprioception.", PHYSICS, SIMULATED),
 }  # fmt: skip
 """shipped models by folder"""

@@ -92,13 +92,14 @@ def made(name: str, recipe: Recipe, runner: Runner) -> tuple[FileTree, dict[str,
 
 def card(recipe: Recipe, facts: dict[str, Any], trained: str) -> str:
     """Write the card of a model; `trained` is the one that the training wrote."""
+    learned = trained.partition("\n")[2].replace("\n## ", "\n### ").strip()
     return "\n\n".join((
         f"# {recipe.title}", f"**For** {recipe.use}", f"**Limits.** {recipe.limits}", f"**Data.** {recipe.data}",
         "**Licence** of the weights: Apache-2.0. Floats are half floats.",
         f"**Made** by `{facts['command']}` at commit `{facts['commit']}`, seed {facts['seed']}, "
         f"{'with ' + ', '.join(f'`{one}`' for one in recipe.sets) if recipe.sets else 'with the default parameters'}; "
         f"output `{facts['output'][:16]}`.",
-        "## Training", trained.partition("\n")[2].replace("\n## ", "\n### ").strip(), "## Figures"))  # fmt: skip
+        *(("## Training", learned) if learned else ()), "## Figures"))  # fmt: skip
 
 
 def write(name: str, runner: Runner, recipe: Recipe) -> int:
