@@ -10,6 +10,7 @@ Trainings are cached and resumable. Figures of the cards are written by benchmar
 from __future__ import annotations
 
 import argparse
+import re
 import subprocess
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -27,6 +28,8 @@ from runner.keys import CodeFingerprints
 from runner.modules import Modules
 from schemas.files import FileTree
 
+FRONT = re.compile(r"\A---\n.*?\n---\n+", re.S)
+"""front matter of a card for a hub"""
 CYCLES = "still_render.backend=cycles"
 CARD, BESIDE = "card.md", ("previews/", "tensorboard/")
 MAX_TOTAL_BYTES = 30_000_000
@@ -92,12 +95,13 @@ def made(name: str, recipe: Recipe, runner: Runner) -> tuple[FileTree, dict[str,
 
 def card(recipe: Recipe, facts: dict[str, Any], trained: str) -> str:
     """Write the card of a model; `trained` is the one that the training wrote."""
-    learned = trained.partition("\n")[2].replace("\n## ", "\n### ").strip()
+    learned = FRONT.sub("", trained).partition("\n")[2].replace("\n## ", "\n### ").strip()
+    sets = (*recipe.sets, *(" ".join(one for one in some if "photographs" not in one) for some in recipe.stills))
     return "\n\n".join((
         f"# {recipe.title}", f"**For** {recipe.use}", f"**Limits.** {recipe.limits}", f"**Data.** {recipe.data}",
         "**Licence** of the weights: Apache-2.0. Floats are half floats.",
         f"**Made** by `{facts['command']}` at commit `{facts['commit']}`, seed {facts['seed']}, "
-        f"{'with ' + ', '.join(f'`{one}`' for one in recipe.sets) if recipe.sets else 'with the default parameters'}; "
+        f"{'with ' + ', '.join(f'`{one}`' for one in sets) if sets else 'with the default parameters'}; "
         f"output `{facts['output'][:16]}`.",
         *(("## Training", learned) if learned else ()), "## Figures"))  # fmt: skip
 
