@@ -166,9 +166,10 @@ def _failed(source: str, message: str, done: BatchResult, shown: ProgressObserve
 def _summary(task: str, model: ModelFolder, options: Options, done: BatchResult, seconds: float) -> dict[str, Any]:
     """Object that `--json` prints and that predictions.json contains."""
     shown = max(len(done.predictions), 1)
-    from afford.twohands.model.model_folder import unknown_words
+    from afford.twohands.model.model_folder import unknown_words, words_read_as
 
-    return {"task": task, "unknown_words": unknown_words(model, task), "hands_asked": options.hands,
+    return {"task": task, "unknown_words": unknown_words(model, task), "read_as": words_read_as(model, task),
+            "hands_asked": options.hands,
             "model": {"name": model.name, "digest": model.digest}, "predictions": done.predictions,
             "failures": done.failures,
             "ms_per_image": {"cpu": round(done.cpu_ms / shown, 3), "wall": round(done.wall_ms / shown, 3)},
@@ -188,6 +189,9 @@ def _tell(summary: dict[str, Any], options: Options) -> int:
         console.print(table)
     if len(summary["predictions"]) > SHOWN:
         console.print(f"and {len(summary['predictions']) - SHOWN} more")
+    if summary["read_as"]:
+        pairs = escape(", ".join(f"{word} as {other}" for word, other in summary["read_as"].items()))
+        console.print(f"[bold]read[/] {pairs}: words of the training that stand in", highlight=False, soft_wrap=True)
     if summary["unknown_words"]:
         words = escape(", ".join(summary["unknown_words"]))
         console.print(f"[yellow]unknown words[/] {words}: this model was not trained with them, so the prediction "

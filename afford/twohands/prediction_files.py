@@ -20,7 +20,7 @@ from afford.common.files import RECORD, replace_folder, write_json, write_verifi
 from afford.common.image_files import encode_png, mask_png
 from afford.common.masks import box
 from afford.twohands.inference import Answer
-from afford.twohands.model.model_folder import ModelFolder, unknown_words
+from afford.twohands.model.model_folder import ModelFolder, unknown_words, words_read_as
 from schemas.affordance import TAXONOMY
 from schemas.benchmark import Prediction
 from schemas.video import SIDES
@@ -37,6 +37,7 @@ def record(answer: Answer, model: ModelFolder) -> dict[str, Any]:
         "source": picture.source, **video, "width_px": width, "height_px": height,
         "task": prediction.task,
         "unknown_words": unknown_words(model, prediction.task),
+        "read_as": words_read_as(model, prediction.task),
         "taxonomy": taxonomy(prediction),
         "hands_asked": question.hands,
         "hands": chosen(prediction),

@@ -44,7 +44,7 @@ async function take(file) {
     return fail(`${file.name}: expected an image (JPEG, PNG or WebP), got a file that cannot be shown as one; choose another.`);
   }
   Object.assign(shown, { file, image, answer: null, maps: null });
-  $("answer").hidden = $("unknown").hidden = true;
+  $("answer").hidden = $("unknown").hidden = $("read-as").hidden = true;
   $("invitation").hidden = true;
   $("canvas").hidden = $("under").hidden = false;
   $("drop").classList.add("full");
@@ -156,6 +156,9 @@ function describe() {
   $("answer").hidden = false;
   $("hands").replaceChildren(...SIDES.map(card));
   const unknown = answer.unknown_words ?? [];
+  const readAs = Object.entries(answer.read_as ?? {}).map(([word, other]) => `“${word}” as “${other}”`);
+  $("read-as").hidden = !readAs.length;
+  $("read-as").textContent = `Read ${readAs.join(", ")}: words of the training that stand in.`;
   $("unknown").hidden = !unknown.length;
   $("unknown").textContent = `The training of this model did not contain ${unknown.map((word) => `“${word}”`).join(", ")}, so that the answer may mean little. The known words are below.`;
   $("pairs").hidden = !(answer.left.selected && answer.right.selected);

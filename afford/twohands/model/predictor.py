@@ -23,7 +23,8 @@ from afford.models.loading import one_thread
 from afford.twohands.model.hand_selection import hand_probabilities, select_hands
 from afford.twohands.model.interface import Batch, TwoHands
 from afford.twohands.model.letterbox import content_size, letterbox, to_tensor, unletterbox
-from afford.twohands.model.model_folder import load_model
+from afford.twohands.model.model_folder import load_model, locate_files, read_vocabulary
+from afford.twohands.model.stand_ins import read_task
 from schemas.affordance import MIRRORED
 from schemas.benchmark import Prediction
 
@@ -60,10 +61,12 @@ class Predictor:
         """Load a model, or take one that is in memory.
 
         `model` is a model, or a folder that `save_model` wrote or a training published. With `mirror`, every prediction is the mean
-        over the picture and its mirror image, which takes twice the time.
+        over the picture and its mirror image, which takes twice the time. A folder with a vocabulary reads unknown words of tasks
+        as known ones (`stand_ins.read_task`).
         """
         loaded = model if isinstance(model, TwoHands) else load_model(Path(model))
         self.model, self.device, self.mirror = loaded.to(device).eval(), device, mirror
+        self.words = None if isinstance(model, TwoHands) else read_vocabulary(locate_files(Path(model)))
 
     def predict(self, image: np.ndarray, task: str, hands: str = "auto", looks: int = 2) -> Prediction:
         """Predict the regions for one (h, w, 3) uint8 RGB image and its task.
@@ -83,10 +86,11 @@ class Predictor:
             raise ValueError(f"expected one task for each image, got {len(images)} images and {len(tasks)} tasks")
         for image in images:
             _check(image)
+        read = tasks if self.words is None else [read_task(task, self.words).text for task in tasks]
         with one_thread(self.device):
-            raw = self._look(images, tasks)
+            raw = self._look(images, read)
             if looks > 1:
-                raw = self._look_closer(images, tasks, raw)
+                raw = self._look_closer(images, read, raw)
         return [self._select(task, one, hands) for task, one in zip(tasks, raw, strict=True)]
 
     def _look(self, images: Sequence[np.ndarray], tasks: Sequence[str]) -> list[RawPrediction]:

@@ -1,0 +1,104 @@
+"""Words that a model was not trained with, read as others: their base form, or a word for a thing of like form and use.
+
+A model reads an unknown word by its letters, which is no better than noise. A cup is held like a mug, so `lift cup` is read as
+`lift mug` by a model that knows mugs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, NamedTuple
+
+from afford.models.word_vectors import split_words
+
+if TYPE_CHECKING:
+    from afford.twohands.model.model_folder import Vocabulary
+
+ALIKE: dict[tuple[str, ...], str] = {
+    ("mug", "glass"): "cup teacup beaker tankard",
+    ("glass", "mug"): "tumbler goblet wineglass flute",
+    ("jug", "pot", "mug"): "pitcher kettle teapot carafe creamer",
+    ("bottle", "jar"): "flask thermos shampoo detergent ketchup vinegar spray lotion",
+    ("can", "jar"): "tin soda cola beer thermos",
+    ("jar", "can"): "canister glue candle",
+    ("box", "carton"): "package packet parcel cereal container case book phone laptop remote stapler toolbox tape",
+    ("pan", "pot"): "skillet wok griddle frypan saucepan",
+    ("pot", "pan"): "casserole cooker bucket saucepan",
+    ("plate", "board"): "dish saucer tray lid",
+    ("bowl", "plate"): "basin colander strainer sieve",
+    ("board", "plate"): "tablet",
+    ("knife", "spoon"): "cleaver scissors saw razor cutter peeler dagger",
+    ("spoon", "ladle"): "teaspoon tablespoon scoop",
+    ("ladle", "spoon", "whisk"): "spatula turner scraper trowel shovel",
+    ("fork", "spoon"): "tongs chopsticks",
+    ("whisk", "brush", "ladle"): "beater mixer hammer mallet screwdriver wrench spanner pliers drill chisel roller torch",
+    ("brush", "whisk"): "toothbrush paintbrush broom comb marker pen pencil",
+    ("mill", "jar"): "grinder shaker",
+    ("take", "grab"): "fetch get remove pull grasp collect receive bring",
+    ("put", "place"): "set lay leave drop insert store return",
+    ("pour",): "fill empty tip drain serve decant",
+    ("stir",): "mix beat blend whip",
+    ("cut",): "slice dice mince carve halve peel",
+    ("wash", "clean"): "rinse scrub wipe dry",
+    ("open",): "unscrew uncap unlock unpack",
+    ("close",): "shut screw seal cover cap",
+    ("turn",): "flip rotate twist",
+    ("lift", "take"): "raise hoist",
+    ("carry", "move"): "transport pass",
+    ("move", "carry"): "push slide drag shift",
+    ("hold",): "grip keep use",
+    ("shake",): "rattle",
+    ("check", "inspect"): "look read examine",
+}  # fmt: skip
+"""words that stand in, best first, for each of the words"""
+STAND_INS: dict[str, tuple[str, ...]] = {}
+for _known, _words in ALIKE.items():
+    for _word in _words.split():
+        STAND_INS[_word] = tuple(dict.fromkeys((*STAND_INS.get(_word, ()), *_known)))
+SIDES = frozenset(("left", "right", "hand", "hands", "both"))
+"""words that choose a hand; always kept"""
+
+
+class ReadTask(NamedTuple):
+    """Task as a model with a vocabulary reads it."""
+
+    text: str
+    """words of the vocabulary; unchanged where nothing else is known"""
+    read_as: dict[str, str]
+    """word of the task -> the one that stands in"""
+    unknown: tuple[str, ...]
+    """words that no other stands in for; left out of `text` when a thing is named"""
+
+
+def read_task(task: str, known: Vocabulary) -> ReadTask:
+    """Replace unknown words of a task by words of the vocabulary, where one stands in."""
+    strange = set(known.unknown(task)) - SIDES
+    if not strange:
+        return ReadTask(task, {}, ())
+    read_as = {word: other for word in split_words(task) if word in strange and (other := _stand_in(word, known))}
+    unknown = tuple(dict.fromkeys(word for word in split_words(task) if word in strange and word not in read_as))
+    words = [read_as.get(word, word) for word in split_words(task)]
+    things = {part for thing in known.things for part in split_words(thing)}
+    if things & set(words):
+        words = [word for word in words if word not in unknown]
+    return ReadTask(" ".join(words), read_as, unknown)
+
+
+def _stand_in(word: str, known: Vocabulary) -> str | None:
+    for form in _forms(word):
+        if form in known.words:
+            return form
+    return next((other for form in _forms(word) for other in STAND_INS.get(form, ()) if other in known.words), None)
+
+
+def _forms(word: str) -> Iterator[str]:
+    """Yield the word and what it may be a form of: cups, cup; cutting, cut; taking, take; poured, pour."""
+    yield word
+    for ending in ("s", "es", "ing", "ed", "d"):
+        if word.endswith(ending) and len(word) > len(ending) + 2:
+            stem = word.removesuffix(ending)
+            yield stem
+            if ending == "ing":
+                yield f"{stem}e"
+                if stem[-1] == stem[-2]:
+                    yield stem[:-1]
