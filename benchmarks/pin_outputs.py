@@ -119,6 +119,7 @@ RUNS: dict[str, Run] = {
     "motions": Run("motions", {"motion_retarget.min_s": 0.0, "motion_retarget.max_error_m": 1.0}, source="motion"),
     "grasp": Run("grasp", SCHOOL),
     "grasp-full": Run("grasp-full", {**SCHOOL, **FULL, **SURFACE, **STILLS, **TWOHANDS}, options=("--minutes", "inf")),
+    "grasp-play": Run("grasp-play", {name: value for name, value in SCHOOL.items() if "two_tasks" not in name}),
     "interactions": Run("interactions", SEQUENCES),
     "sor3d": Run("sor3d", {**SEQUENCES, **SOR3D, "sor3d_report.pretrained": "true", "sor3d_report.resamples": 20,
                            "sor3d_evaluate.shown": 1, "interaction_record.shown": 1}),
