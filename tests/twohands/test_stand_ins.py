@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from afford.twohands.model.model_folder import FILLERS, Vocabulary
-from afford.twohands.model.stand_ins import ALIKE, SIDES, STAND_INS, read_task
+from afford.twohands.model.stand_ins import ALIKE, SIDES, read_task, stand_ins
 
 KNOWN = Vocabulary(("lift", "take", "cut", "pour"), ("mug", "jug", "board:chopping"),
                    ("board", "chopping", "cut", "from", "jug", "lift", "mug", "pour", "take"))  # fmt: skip
@@ -33,5 +33,5 @@ def test_tasks_are_read_with_known_words(task: str, text: str, read_as: dict[str
 def test_the_table_has_single_words_that_do_not_stand_in_for_themselves() -> None:
     for words, others in ALIKE.items():
         assert all(word.isalpha() for word in words) and not set(words) & set(others.split())
-    assert not (STAND_INS.keys() & (FILLERS | SIDES))
-    assert all(len(set(words)) == len(words) for words in STAND_INS.values())
+    assert not (stand_ins().keys() & (FILLERS | SIDES))
+    assert all(len(set(words)) == len(words) for words in stand_ins().values())

@@ -20,7 +20,6 @@ from afford.common.text import swap_sides
 from afford.models.loading import CONFIG, WEIGHTS, fill_weights, write_model
 from afford.models.word_vectors import split_words
 from afford.twohands.model.interface import ModelConfig, TwoHands, build
-from afford.twohands.model.stand_ins import read_task
 
 FORMAT = "afford-twohands-1"
 INSIDE = "model"
@@ -152,11 +151,15 @@ def find_model(folder: Path) -> ModelFolder:
 
 def unknown_words(model: ModelFolder, task: str) -> list[str] | None:
     """Words of a task that no word of a model's training stands in for; None for a model without a vocabulary."""
+    from afford.twohands.model.stand_ins import read_task
+
     return None if model.words is None else list(read_task(task, model.words).unknown)
 
 
 def words_read_as(model: ModelFolder, task: str) -> dict[str, str]:
     """Word of a task -> word of a model's training that stands in for it."""
+    from afford.twohands.model.stand_ins import read_task
+
     return {} if model.words is None else read_task(task, model.words).read_as
 
 

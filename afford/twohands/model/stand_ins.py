@@ -7,6 +7,7 @@ A model reads an unknown word by its letters, which is no better than noise. A c
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cache
 from typing import TYPE_CHECKING, NamedTuple
 
 from afford.models.word_vectors import split_words
@@ -51,12 +52,18 @@ ALIKE: dict[tuple[str, ...], str] = {
     ("check", "inspect"): "look read examine",
 }  # fmt: skip
 """words that stand in, best first, for each of the words"""
-STAND_INS: dict[str, tuple[str, ...]] = {}
-for _known, _words in ALIKE.items():
-    for _word in _words.split():
-        STAND_INS[_word] = tuple(dict.fromkeys((*STAND_INS.get(_word, ()), *_known)))
 SIDES = frozenset(("left", "right", "hand", "hands", "both"))
 """words that choose a hand; always kept"""
+
+
+@cache
+def stand_ins() -> dict[str, tuple[str, ...]]:
+    """Word -> words that may stand in for it, best first."""
+    found: dict[str, tuple[str, ...]] = {}
+    for known, words in ALIKE.items():
+        for word in words.split():
+            found[word] = tuple(dict.fromkeys((*found.get(word, ()), *known)))
+    return found
 
 
 class ReadTask(NamedTuple):
@@ -88,7 +95,7 @@ def _stand_in(word: str, known: Vocabulary) -> str | None:
     for form in _forms(word):
         if form in known.words:
             return form
-    return next((other for form in _forms(word) for other in STAND_INS.get(form, ()) if other in known.words), None)
+    return next((other for form in _forms(word) for other in stand_ins().get(form, ()) if other in known.words), None)
 
 
 def _forms(word: str) -> Iterator[str]:
