@@ -166,7 +166,7 @@ def _failed(source: str, message: str, done: BatchResult, shown: ProgressObserve
 def _summary(task: str, model: ModelFolder, options: Options, done: BatchResult, seconds: float) -> dict[str, Any]:
     """Object that `--json` prints and that predictions.json contains."""
     shown = max(len(done.predictions), 1)
-    from afford.twohands.model.model_folder import unknown_words, words_read_as
+    from afford.twohands.model.stand_ins import unknown_words, words_read_as
 
     return {"task": task, "unknown_words": unknown_words(model, task), "read_as": words_read_as(model, task),
             "hands_asked": options.hands,

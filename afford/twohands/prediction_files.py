@@ -20,7 +20,8 @@ from afford.common.files import RECORD, replace_folder, write_json, write_verifi
 from afford.common.image_files import encode_png, mask_png
 from afford.common.masks import box
 from afford.twohands.inference import Answer
-from afford.twohands.model.model_folder import ModelFolder, unknown_words, words_read_as
+from afford.twohands.model.model_folder import ModelFolder
+from afford.twohands.model.stand_ins import unknown_words, words_read_as
 from schemas.affordance import TAXONOMY
 from schemas.benchmark import Prediction
 from schemas.video import SIDES

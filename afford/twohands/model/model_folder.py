@@ -149,20 +149,6 @@ def find_model(folder: Path) -> ModelFolder:
     return ModelFolder(place, named.parent.name if named.name == INSIDE else named.name, _digest(place), read_vocabulary(place))
 
 
-def unknown_words(model: ModelFolder, task: str) -> list[str] | None:
-    """Words of a task that no word of a model's training stands in for; None for a model without a vocabulary."""
-    from afford.twohands.model.stand_ins import read_task
-
-    return None if model.words is None else list(read_task(task, model.words).unknown)
-
-
-def words_read_as(model: ModelFolder, task: str) -> dict[str, str]:
-    """Word of a task -> word of a model's training that stands in for it."""
-    from afford.twohands.model.stand_ins import read_task
-
-    return {} if model.words is None else read_task(task, model.words).read_as
-
-
 def latest_model(models: Path, form: str = FORMAT) -> Path | None:
     """Folder of the model of this format that was published last below `models`; None when there is no such model."""
     found = [path for path in models.glob("[!.]*") if (path / INSIDE / CONFIG).is_file() and format_of(path) == form]

@@ -8,12 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from afford.models.word_vectors import split_words
-
-if TYPE_CHECKING:
-    from afford.twohands.model.model_folder import Vocabulary
+from afford.twohands.model.model_folder import ModelFolder, Vocabulary
 
 ALIKE: dict[tuple[str, ...], str] = {
     ("mug", "glass"): "cup teacup beaker tankard",
@@ -89,6 +87,16 @@ def read_task(task: str, known: Vocabulary) -> ReadTask:
     if things & set(words):
         words = [word for word in words if word not in unknown]
     return ReadTask(" ".join(words), read_as, unknown)
+
+
+def unknown_words(model: ModelFolder, task: str) -> list[str] | None:
+    """Words of a task that no word of a model's training stands in for; None for a model without a vocabulary."""
+    return None if model.words is None else list(read_task(task, model.words).unknown)
+
+
+def words_read_as(model: ModelFolder, task: str) -> dict[str, str]:
+    """Word of a task -> word of a model's training that stands in for it."""
+    return {} if model.words is None else read_task(task, model.words).read_as
 
 
 def _stand_in(word: str, known: Vocabulary) -> str | None:
