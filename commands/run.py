@@ -119,7 +119,7 @@ def run(request: Request) -> int:
     chosen = columns(request.sets, request.params)
     placing = EngineChoice(request.engine, request.address)
     runner = open_runner(request.store, request.jobs, request.rehash, remote=request.remote, engine=placing)
-    weighted = {name: resolve_weights(column, digester(runner)) for name, column in chosen.items()}
+    weighted = {name: resolve_weights(column, digester(runner), target) for name, column in chosen.items()}
     graph, names, place, source = graph_of_request(target, request.source, request.clips, request.sets, weighted, digester(runner))
     stages = resolve_stages([request.only] if request.only else [], target, graph)
     force = resolve_stages(request.force, target, graph)

@@ -300,7 +300,7 @@ def _prepared(request: Request, opened: Callable[..., Runner] = open_runner) -> 
     target = resolve_target(request.target, request.only)
     chosen = columns(request.sets, request.params)
     runner = opened(request.store, plan_only=True, remote=request.remote)
-    weighted = {name: resolve_weights(column, digester(runner)) for name, column in chosen.items()}
+    weighted = {name: resolve_weights(column, digester(runner), target) for name, column in chosen.items()}
     graph, *_ = graph_of_request(target, request.source, request.clips, request.sets, weighted, digester(runner))
     return runner, graph, target
 

@@ -15,7 +15,7 @@ from schemas.files import FileTree
 from stages.extraction.hand_detect import NO_NETWORK, TRAINED
 
 
-def resolve_weights(chosen: Settings, digest: Callable[[Path], str]) -> Settings:
+def resolve_weights(chosen: Settings, digest: Callable[[Path], str], target: str = "") -> Settings:
     """Add the files of every model that a selected backend reads, and of the `backbones` of a training.
 
     The landmark networks, MobileSAM and the image encoder of `lite` are those of `make setup`, if they are there. `model` and
@@ -38,7 +38,7 @@ def resolve_weights(chosen: Settings, digest: Callable[[Path], str]) -> Settings
     if held not in (NO_NETWORK, TRAINED):
         found["held"] = _files("hand_detect.held", held, digest)
         named["hand_detect"] = dataclasses.replace(chosen.extraction.hand_detect, held=_label(held))
-    found |= _shipped(chosen, digest)
+    found |= _shipped(chosen, digest, target)
     for stage in SYSTEM_OF:
         params = named.get(stage, chosen.params(stage))
         if getattr(params, "backbones", ""):
@@ -58,21 +58,21 @@ def resolve_weights(chosen: Settings, digest: Callable[[Path], str]) -> Settings
     return dataclasses.replace(chosen.with_stages(**named), weights=tuple(found.items()))
 
 
-def _shipped(chosen: Settings, digest: Callable[[Path], str]) -> dict[str, FileTree]:
-    """Shipped models by the stage that trained them; left out where parameters of a training were set, which asks for one."""
+def _shipped(chosen: Settings, digest: Callable[[Path], str], target: str) -> dict[str, FileTree]:
+    """Shipped model of a target by the stage that trained it; none where parameters of its training were set."""
     from afford.models.shipped import PARTS, TEACHER, shipped_files
 
-    found = {}
-    for name, stages in ((PARTS, ("scorer_train",)), (TEACHER, ("rl_grasp_refinement", "hand_imitation"))):
-        stage = stages[0]
-        try:
-            usual = all(chosen.params(one) == type(chosen.params(one))() for one in stages)
-            files = shipped_files(name, digest) if usual else None
-        except ValueError as error:
-            raise UsageError(str(error)) from error
-        if files is not None:
-            found[f"shipped_{stage}"] = files
-    return found
+    served = {"negative-affordance": (PARTS, ("scorer_train",)), "grasp-play": (TEACHER, ("rl_grasp_refinement", "hand_imitation"))}
+    if target not in served:
+        return {}
+    name, stages = served[target]
+    if any(chosen.params(stage) != type(chosen.params(stage))() for stage in stages):
+        return {}
+    try:
+        files = shipped_files(name, digest)
+    except ValueError as error:
+        raise UsageError(str(error)) from error
+    return {} if files is None else {f"shipped_{stages[0]}": files}
 
 
 def reads_weights(params: Any) -> bool:

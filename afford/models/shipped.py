@@ -13,17 +13,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import torch
-from safetensors.torch import load_file, save_file
-from torch import Tensor
-
 from afford.models.weights import weight_files
 from schemas.files import FileTree
 
 FOLDER = Path(__file__).resolve().parents[2] / "weights"
 TWO_HANDS, PARTS, SOR3D, TEACHER = "twohands", "parts", "sor3d", "grasp-teacher"
 CARD, RECORD, FORMAT = "card.md", "made.json", "afford-weights-1"
-SHIPPED = (".json", ".safetensors")
 MEASURED = ("<!-- measured: written by benchmarks/shipped/score.py -->", "<!-- end of measured -->")
 """marks of the part of a card that a benchmark writes, and which its digest therefore leaves out"""
 
@@ -75,31 +70,3 @@ def shipped_files(name: str, digest: Callable[[Path], str]) -> FileTree | None:
         return None
     tree = weight_files(str(folder), digest)
     return FileTree(tree.name, tuple(file for file in tree.files if file.name != RECORD))
-
-
-def ship(model: Path, target: Path, card: str, made: dict[str, Any], left_out: str = "") -> None:
-    """Write a shipped model from the folder of a trained one: its JSON and safetensors files, a card, and the record.
-
-    Floats become half floats; tensors whose names begin with `left_out` are not written.
-    """
-    names = [path.relative_to(model).as_posix() for path in sorted(model.rglob("*")) if path.suffix in SHIPPED]
-    for name in names:
-        (target / name).parent.mkdir(parents=True, exist_ok=True)
-        if name.endswith(".json"):
-            (target / name).write_bytes((model / name).read_bytes())
-        else:
-            save_file({key: halved(tensor) for key, tensor in load_file(model / name).items()
-                       if not left_out or not key.startswith(left_out)}, target / name)
-    (target / CARD).write_text(f"{card.rstrip()}\n\n{MEASURED[0]}\n{MEASURED[1]}\n", encoding="utf-8")
-    record = {"format": FORMAT, **made, "files": {name: file_digest(target / name) for name in sorted([*names, CARD])}}
-    (target / RECORD).write_text(json.dumps(record, indent=1, sort_keys=True) + "\n", encoding="utf-8")
-
-
-def halved(tensor: Tensor) -> Tensor:
-    """Single floats as half floats; other kinds unchanged. ValueError for a number that half floats do not hold."""
-    if tensor.dtype != torch.float32:
-        return tensor
-    half = tensor.to(torch.float16)
-    if not torch.isfinite(half).all():
-        raise ValueError(f"expected weights below 65504, got {float(tensor.abs().max())}")
-    return half

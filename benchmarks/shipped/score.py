@@ -160,7 +160,7 @@ def into(card: Path, rows: list[Row]) -> None:
 def write_examples(cases: Path, folder: Path) -> None:
     """Write pictures of a set of stills for the demo, named by their tasks."""
     folder.mkdir(exist_ok=True)
-    for one in examples(cases.parent):
+    for one in examples(cases.parent, cases.name):
         (folder / f"{one.task.replace(' ', '-')}.jpg").write_bytes(one.jpeg)
 
 

@@ -10,6 +10,7 @@ Trainings are cached and resumable. Figures of the cards are written by benchmar
 from __future__ import annotations
 
 import argparse
+import json
 import re
 import subprocess
 from collections.abc import Callable, Iterator, Sequence
@@ -18,7 +19,11 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from afford.models.shipped import FOLDER, read_record, ship
+import torch
+from safetensors.torch import load_file, save_file
+from torch import Tensor
+
+from afford.models.shipped import CARD, FOLDER, FORMAT, MEASURED, RECORD, file_digest, read_record
 from benchmarks.pages import ROOT, head
 from benchmarks.shipped.recipes import RECIPES, Recipe
 from commands.progress import observer
@@ -31,7 +36,7 @@ from schemas.files import FileTree
 FRONT = re.compile(r"\A---\n.*?\n---\n+", re.S)
 """front matter of a card for a hub"""
 CYCLES = "still_render.backend=cycles"
-CARD, BESIDE = "card.md", ("previews/", "tensorboard/")
+BESIDE, SHIPPED = ("previews/", "tensorboard/"), (".json", ".safetensors")
 MAX_TOTAL_BYTES = 30_000_000
 """limit of all shipped models together"""
 
@@ -104,6 +109,34 @@ def card(recipe: Recipe, facts: dict[str, Any], trained: str) -> str:
         f"{'with ' + ', '.join(f'`{one}`' for one in sets) if sets else 'with the default parameters'}; "
         f"output `{facts['output'][:16]}`.",
         *(("## Training", learned) if learned else ()), "## Figures"))  # fmt: skip
+
+
+def ship(model: Path, target: Path, card: str, made: dict[str, Any], left_out: str = "") -> None:
+    """Write a shipped model from the folder of a trained one: its JSON and safetensors files, a card, and the record.
+
+    Floats become half floats; tensors whose names begin with `left_out` are not written.
+    """
+    names = [path.relative_to(model).as_posix() for path in sorted(model.rglob("*")) if path.suffix in SHIPPED]
+    for name in names:
+        (target / name).parent.mkdir(parents=True, exist_ok=True)
+        if name.endswith(".json"):
+            (target / name).write_bytes((model / name).read_bytes())
+        else:
+            save_file({key: halved(tensor) for key, tensor in load_file(model / name).items()
+                       if not left_out or not key.startswith(left_out)}, target / name)
+    (target / CARD).write_text(f"{card.rstrip()}\n\n{MEASURED[0]}\n{MEASURED[1]}\n", encoding="utf-8")
+    record = {"format": FORMAT, **made, "files": {name: file_digest(target / name) for name in sorted([*names, CARD])}}
+    (target / RECORD).write_text(json.dumps(record, indent=1, sort_keys=True) + "\n", encoding="utf-8")
+
+
+def halved(tensor: Tensor) -> Tensor:
+    """Single floats as half floats; other kinds unchanged. ValueError for a number that half floats do not hold."""
+    if tensor.dtype != torch.float32:
+        return tensor
+    half = tensor.to(torch.float16)
+    if not torch.isfinite(half).all():
+        raise ValueError(f"expected weights below 65504, got {float(tensor.abs().max())}")
+    return half
 
 
 def write(name: str, runner: Runner, recipe: Recipe) -> int:

@@ -27,9 +27,8 @@ from schemas.scene import RenderedClip
 from tests.helpers.tiny_root import digest
 
 ROOT = Path(__file__).resolve().parents[2]
-FROM_SETUP = ("hand_landmarks", "segment", "shipped_scorer_train",
-              "shipped_rl_grasp_refinement")
-"""networks that `make setup` fetches, and shipped models; they are not chosen by a setting"""
+FROM_SETUP = ("hand_landmarks", "segment")
+"""networks that `make setup` fetches; they are not chosen by a setting"""
 
 
 def from_setup_only(found: Settings) -> bool:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,12 +14,13 @@ from safetensors.torch import load_file, save_file
 
 from afford.models import shipped
 from afford.models.efficientnet_lite import FILE, EfficientNetLite0
-from afford.models.shipped import CARD, FOLDER, MEASURED, RECORD, file_digest, find_shipped, read_record, ship, shipped_files
+from afford.models.shipped import CARD, FOLDER, MEASURED, RECORD, file_digest, find_shipped, read_record, shipped_files
 from afford.twohands.model import lite
 from afford.twohands.model.interface import Batch, ModelConfig, build
 from afford.twohands.model.model_folder import load_model, save_model
 from benchmarks.shipped.recipes import RECIPES
-from benchmarks.shipped.ship import codes, stale
+from benchmarks.shipped.ship import MAX_TOTAL_BYTES, codes, ship, stale
+from commands.errors import UsageError
 from commands.weights import resolve_weights
 from maps.settings import Origin, Settings
 from pipeline import build as build_graph
@@ -26,7 +29,6 @@ from tests.helpers.tiny_root import digest
 
 MADE: dict[str, Any] = {"command": "make weights", "commit": "abc", "stages": {"train": "1"}, "seed": 0}
 SHIPPED = sorted(path.name for path in FOLDER.glob("*") if path.is_dir())
-MAX_TOTAL_BYTES = 30_000_000
 TINY = ModelConfig(variant="lite", size_px=(64, 96), widths=(16, 24, 32), depth=1, decoder_depth=1, text_buckets=512)
 
 
@@ -124,16 +126,31 @@ def test_meshes_of_a_user_are_scored_without_a_training(weights: Path, trained: 
     """The shipped scorer replaces the training for meshes, unless parameters of the training are set; measures still train."""
     ship(trained, weights / shipped.PARTS, "# Parts", MADE)
     meshes = Origin("mine", meshes=(FileTree("mug", ()),))
-    usual = resolve_weights(Settings(), digest)
+    usual = resolve_weights(Settings(), digest, "negative-affordance")
     other = Settings()
     longer = replace(other.surface.scorer_train, steps=9)
-    asked = resolve_weights(other.with_stages(scorer_train=longer), digest)
+    asked = resolve_weights(other.with_stages(scorer_train=longer), digest, "negative-affordance")
 
     def trains(origin: Origin, p: Settings) -> bool:
         return any(node.name == "scorer_train" for node in build_graph("negative-affordance", origin, p).stages())
 
     assert not trains(meshes, usual) and trains(meshes, asked)
     assert trains(Origin("negative-affordance"), usual) and trains(meshes, Settings())
+
+
+def test_shipped_models_are_found_without_torch() -> None:
+    """Every run resolves its models first, and torch takes longer to load than a run with nothing to do."""
+    code = ("import sys; from commands.weights import resolve_weights; from maps.settings import Settings; "
+            "resolve_weights(Settings(), lambda path: '', 'negative-affordance'); sys.exit('torch' in sys.modules)")  # fmt: skip
+    assert subprocess.run((sys.executable, "-c", code), cwd=FOLDER.parent).returncode == 0
+
+
+def test_a_damaged_model_stops_the_targets_that_use_it_alone(weights: Path, trained: Path) -> None:
+    ship(trained, weights / shipped.PARTS, "# Parts", MADE)
+    (weights / shipped.PARTS / "config.json").write_text("{}")
+    assert "shipped_scorer_train" not in dict(resolve_weights(Settings(), digest, "dataset").weights)
+    with pytest.raises(UsageError, match="git checkout weights"):
+        resolve_weights(Settings(), digest, "negative-affordance")
 
 
 @pytest.mark.parametrize("name", SHIPPED)

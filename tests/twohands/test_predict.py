@@ -28,6 +28,7 @@ from afford.twohands.inference import Question, ask
 from afford.twohands.model import model_folder
 from afford.twohands.model.predictor import Predictor
 from afford.twohands.prediction_files import record
+from benchmarks.shipped.ship import ship
 from schemas.affordance import TAXONOMY
 from tests.helpers import tiny_asked
 from tests.helpers.command import Called, call
@@ -316,7 +317,7 @@ def test_the_shipped_model_answers_where_none_was_trained(model: Path, store: Pa
                                                           monkeypatch: pytest.MonkeyPatch) -> None:  # fmt: skip
     """A trained model comes first; a damaged shipped one is refused."""
     monkeypatch.setattr(shipped, "FOLDER", tmp_path / "weights")
-    shipped.ship(model, tmp_path / "weights" / shipped.TWO_HANDS, "# Two hands", {"stages": {}})
+    ship(model, tmp_path / "weights" / shipped.TWO_HANDS, "# Two hands", {"stages": {}})
     image = write_picture(tmp_path / "kettle.png")
     used = {name: predict(where, image, tmp_path / name, "--json").json["model"]["name"]
             for name, where in (("trained", store), ("none", tmp_path / "empty"))}  # fmt: skip

@@ -40,9 +40,9 @@ class Example:
     jpeg: bytes
 
 
-def examples(benchmarks: Path) -> list[Example]:
+def examples(benchmarks: Path, sets: str = "*") -> list[Example]:
     """Choose up to COUNT stills of the rendered sets below `benchmarks`, from different rooms where possible."""
-    rooms = [sorted(room.glob(f"*/{IMAGE}")) for room in sorted(benchmarks.glob("*/masks/[!.]*"))]
+    rooms = [sorted(room.glob(f"*/{IMAGE}")) for room in sorted(benchmarks.glob(f"{sets}/masks/[!.]*"))]
     return _chosen(_still(path) for path in _in_turns(rooms))
 
 
