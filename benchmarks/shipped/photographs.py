@@ -3,9 +3,9 @@
     PYTHONPATH=. python benchmarks/hands/photographs.py --to ../photographs        # once
     PYTHONPATH=. python benchmarks/shipped/photographs.py --before MODEL [--after MODEL] [--photographs DIR] [--out FILE]
 
---before: folder of an earlier model, such as that of `make train`; --after: the shipped one by default. Nothing is chosen on these
-pictures. Left: before; right: after. Orange: left hand, blue: right hand. Photographs are those of `opencv-doc` (Apache-2.0) and
-`scikit-image` (coffee, by Rachel Michetti, CC0).
+--before: folder of an earlier model, such as that of `make train`; --after: the shipped one by default. No training saw these
+pictures, but words that stand in were added after a look at the coffee. Left: before; right: after. Orange: left hand, blue:
+right hand. Photographs are those of `opencv-doc` (Apache-2.0) and `scikit-image` (coffee, by Rachel Michetti, CC0).
 """
 
 from __future__ import annotations

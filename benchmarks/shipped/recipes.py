@@ -95,8 +95,9 @@ RECIPES = {
         "Two-hand affordance model", two_hands,
         "`predict`, `make demo`, and as a start for your own data: where each hand goes for a task in words.",
         "Household objects on tables and counters, seen by the person who acts. Kinds that it was not trained on, and whole "
-        "pictures with many objects, are much harder than crops; see the figures. It answers every question, also where no object "
-        "fits. Not for deciding whether touching something is safe, and not for recognising or monitoring people.",
+        "pictures with many objects, are much harder than crops. In the figures, words of kinds that were never shown (kettle, "
+        "spatula) are read as known ones by a table that has them. It answers every question, also where no object fits. "
+        "Not for deciding whether touching something is safe, and not for recognising or monitoring people.",
         data="Stills of rendered kitchens: half by a path tracer (`still_render.backend=cycles`: Blender's Cycles, GPL, a program "
              "that this model does not contain), half by the fast renderer. Some path-traced surfaces are photographs out of "
              "`robosuite` (MIT), `scikit-image` (BSD-3-Clause), `pybullet` (zlib), `gnome-backgrounds` (CC-BY-SA-3.0) and "
