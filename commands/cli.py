@@ -284,6 +284,7 @@ def predict(
     every: Annotated[int, typer.Option(help="use every n-th frame of a video")] = 10,
     batch: Annotated[int | None, typer.Option(help="batch size; default: 1, on a GPU 8")] = None,
     device: Device = "cpu",
+    dtype: Annotated[str, typer.Option(help="float32, bfloat16 or float16; default: float32, for vlm as it is stored")] = "",
     force: Annotated[bool, typer.Option("--force", help="write into a folder that holds other files")] = False,
     depth: Annotated[Path | None, typer.Option(help="sor3d: depth as 16-bit PNG in mm, .npy in m, or a folder of them")] = None,
     intrinsics: Annotated[Path | None, typer.Option(help="sor3d: camera as JSON: fx, fy, cx, cy, or K")] = None,
@@ -297,8 +298,8 @@ def predict(
     from commands import predict as image_model
     from commands import predict_sequence as sequence_model
 
-    options = image_model.Options(out, model, hands, threshold, all_hypotheses, every, batch, device, force, store, json, depth,
-                                  intrinsics, focal_px, rate_hz, frames)  # fmt: skip
+    options = image_model.Options(out, model, hands, threshold, all_hypotheses, every, batch, device, dtype, force, store, json,
+                                  depth, intrinsics, focal_px, rate_hz, frames)  # fmt: skip
     verb = sequence_model if sequence_model.is_sequence_model(model) else image_model
     raise typer.Exit(verb.predict(image, task, options))
 
@@ -386,6 +387,49 @@ def runs_timeline(
     from commands.history import timeline
 
     raise typer.Exit(timeline(run, out, store))
+
+
+weights_verbs = typer.Typer(no_args_is_help=True, help="Import published checkpoints; list, verify and show them.")
+app.add_typer(weights_verbs, name="weights")
+Imported = Annotated[Path, typer.Argument(metavar="DIR", help="folder that `weights import` wrote")]
+
+
+@weights_verbs.command("import")
+def weights_import(
+    kind: Annotated[str, typer.Argument(help="2haff, lisa, llava, sam, sam2, sam3, clip, vidm, lama or vgg16")],
+    files: Annotated[list[Path], typer.Argument(help="files or folders of the checkpoint, and of the parts it lacks")],
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="new folder for the model")],
+    dtype: Annotated[str, typer.Option(help="float32, bfloat16 or float16")] = "float32",
+    json: Json = False,
+) -> None:
+    """Import a published checkpoint, tensor by tensor; nothing of it is run, and every tensor must fit."""
+    from commands.weights_import import bring
+
+    raise typer.Exit(bring(kind, files, out, dtype, json))
+
+
+@weights_verbs.command("list")
+def weights_list(json: Json = False) -> None:
+    """List the kinds of checkpoints, and the files that each needs."""
+    from commands.weights_import import kinds
+
+    raise typer.Exit(kinds(json))
+
+
+@weights_verbs.command("verify")
+def weights_verify(folder: Imported, json: Json = False) -> None:
+    """Compare the files of an imported model with their digests."""
+    from commands.weights_import import verify
+
+    raise typer.Exit(verify(folder, json))
+
+
+@weights_verbs.command("show")
+def weights_show(folder: Imported, json: Json = False) -> None:
+    """Show kind, parameters, number type, digest, licence as stated, and use of an imported model."""
+    from commands.weights_import import show
+
+    raise typer.Exit(show(folder, json))
 
 
 @app.command()

@@ -36,6 +36,7 @@ class Options:
     every: int = 10
     batch: int | None = None
     device: str = "cpu"
+    dtype: str = ""
     force: bool = False
     store: Path | None = None
     json: bool = False
@@ -89,7 +90,7 @@ def predict(image: Path, task: str, options: Options) -> int:
     question = Question(task.strip(), options.hands, options.threshold)
     try:
         sources = find(image)
-        model, predictor = open_model(options.model, options.store, options.device)
+        model, predictor = open_model(options.model, options.store, options.device, options.dtype)
         claim_folder(options.out, options.force)
     except (ValueError, OSError) as error:
         raise UsageError(str(error)) from error
@@ -104,7 +105,7 @@ def predict(image: Path, task: str, options: Options) -> int:
     return _tell(_summary(question.task, model, options, done, time.perf_counter() - began), options)
 
 
-def open_model(given: Path | None, store: Path | None, device: str) -> tuple[ModelFolder, Predictor]:
+def open_model(given: Path | None, store: Path | None, device: str, dtype: str = "") -> tuple[ModelFolder, Predictor]:
     """Open the model of `--model`, else the one that was trained last, else the shipped one.
 
     UsageError when there is no model, or no such device.
@@ -118,7 +119,7 @@ def open_model(given: Path | None, store: Path | None, device: str) -> tuple[Mod
         if folder is None:
             raise UsageError(f"{(store or STORE) / 'models'}: no trained model there; run `make train` or give --model DIR")
         found = model_folder.find_model(folder)
-        return found, Predictor(found.folder, usable(device))
+        return found, Predictor(found.folder, usable(device), dtype=dtype)
     except ValueError as error:
         raise UsageError(str(error)) from error
 
@@ -187,6 +188,11 @@ def _tell(summary: dict[str, Any], options: Options) -> int:
         table.add_row(escape(line["folder"]), line["taxonomy"], *scores)
     if summary["predictions"]:
         console.print(table)
+    for line in summary["predictions"][:SHOWN]:
+        if "answer" in line:
+            found = "" if line["scores"] else "; it has no [SEG], so there is no region"
+            console.print(f"answer for {escape(line['folder'])}: {escape(line['answer'])!r}{escape(found)}", highlight=False,
+                          soft_wrap=True)  # fmt: skip
     if len(summary["predictions"]) > SHOWN:
         console.print(f"and {len(summary['predictions']) - SHOWN} more")
     if summary["read_as"]:

@@ -73,6 +73,7 @@ class Prediction(Schema):
     taxonomy: np.ndarray = array("4", "float32", "probabilities of left, right, both_same, both_different; their sum is 1")
     hands: np.ndarray = array("2", "bool", "which hands (left, right) are returned after selection")
     threshold: float = value("a pixel belongs to the region where its probability is above this")
+    answer: str = value("text that a language model generated; '' for other models", default="")
 
     def mask(self, side: int | str) -> np.ndarray:
         """Return the top-ranked region (h, w) bool of a hand (0 or 'left', 1 or 'right'); empty when the hand is not selected."""

@@ -29,9 +29,10 @@ LONGEST = 360
 """characters of their names and shapes in an error"""
 
 
-def fill_weights(model: nn.Module, tensors: Mapping[str, Tensor], where: str, hint: str) -> None:
+def fill_weights(model: nn.Module, tensors: Mapping[str, Tensor], where: str, hint: str, *, mapped: bool = False) -> None:
     """Copy tensors into a model by name. The model may be on the meta device.
 
+    With `mapped` the model takes the tensors themselves, in their own types: memory-mapped ones need no memory.
     Buffers that count batches may be missing. ValueError, one sentence: the number of tensors that are missing, extra or misshaped,
     the names of the first of them, and `hint`.
     """
@@ -45,7 +46,8 @@ def fill_weights(model: nn.Module, tensors: Mapping[str, Tensor], where: str, hi
             named.pop()
         more = f", and {len(wrong) - len(named)} more" if len(wrong) > len(named) else ""
         raise ValueError(f"{where}: {len(wrong)} of {len(own)} tensors do not fit: {', '.join(named)}{more}; {hint}")
-    model.load_state_dict({name: tensor.to(own[name].dtype, copy=True) for name, tensor in given.items()}, assign=True)
+    kept = given if mapped else {name: tensor.to(own[name].dtype, copy=True) for name, tensor in given.items()}
+    model.load_state_dict(kept, assign=True)
 
 
 def _wrong(name: str, own: Tensor | None, given: Tensor | None) -> str:

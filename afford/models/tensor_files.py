@@ -8,6 +8,7 @@ Reasons: docs/decisions/018-read-weights-without-running-them.md.
 
 from __future__ import annotations
 
+import json
 import pickle
 import struct
 import zipfile
@@ -17,7 +18,7 @@ from typing import Any
 
 import numpy as np
 import torch
-from safetensors import SafetensorError
+from safetensors import SafetensorError, safe_open
 from safetensors.torch import load_file
 from torch import Tensor
 
@@ -47,17 +48,49 @@ WHAT = "a checkpoint or TorchScript as torch 1.6 and later write them, or safete
 
 
 def read_tensors(path: Path) -> dict[str, Tensor]:
-    """Tensors of a file by dotted name; only those below `state_dict` when the file has one. Storages of a zip are memory-mapped.
+    """Tensors of a file by dotted name; only those below `state_dict` when the file has one. All of them are memory-mapped.
 
     ValueError, one sentence, when the file cannot be read or holds no tensors by name.
     """
     try:
-        found = load_file(path) if path.suffix == ".safetensors" else dict(named_tensors(_read_zip(path)))
+        found = map_safetensors(path) if path.suffix == ".safetensors" else dict(named_tensors(_read_zip(path)))
     except (*ZIP_ERRORS, SafetensorError) as error:
         raise ValueError(f"{path}: expected {WHAT}; {reason(error)[:LONGEST]}") from error
     if not found:
         raise ValueError(f"{path}: expected tensors by name, got none (a frozen TorchScript has lost them); save the state_dict")
     return found
+
+
+SAFE_DTYPES = {"F64": torch.float64, "F32": torch.float32, "F16": torch.float16, "BF16": torch.bfloat16, "I64": torch.int64,
+               "I32": torch.int32, "I16": torch.int16, "I8": torch.int8, "U8": torch.uint8, "BOOL": torch.bool}  # fmt: skip
+"""types of numbers in safetensors files"""
+LENGTH = struct.Struct("<Q")
+"""bytes of a safetensors file before its header: the length of the header"""
+
+
+def map_safetensors(path: Path) -> dict[str, Tensor]:
+    """Tensors of a safetensors file by name, memory-mapped: pages are read when they are used. A write stays in memory.
+
+    SafetensorError or OSError for a damaged file, ValueError for numbers of a type that torch lacks on a CPU.
+    """
+    with safe_open(path, "pt") as checked:  # the library verifies the header: names, offsets without gaps, and the size of the file
+        names = set(checked.keys())
+    with path.open("rb") as file:
+        (length,) = LENGTH.unpack(file.read(LENGTH.size))
+        header = json.loads(file.read(length))
+    start = LENGTH.size + length
+    if path.stat().st_size == start:
+        return {name: _mapped(np.zeros(0, np.uint8), header[name], 0, path) for name in sorted(names)}
+    data = np.memmap(path, np.uint8, "c")
+    return {name: _mapped(data, header[name], start, path) for name in sorted(names)}
+
+
+def _mapped(data: np.ndarray, entry: dict[str, Any], start: int, path: Path) -> Tensor:
+    if entry["dtype"] not in SAFE_DTYPES:
+        raise ValueError(f"got numbers of type {entry['dtype']}; save it with one of {', '.join(SAFE_DTYPES)}")
+    first, last = entry["data_offsets"]
+    part = np.array(data[start + first : start + last]) if first % 8 or start % 8 else data[start + first : start + last]
+    return torch.from_numpy(part).view(SAFE_DTYPES[entry["dtype"]]).reshape(entry["shape"])
 
 
 def load_weights_only(path: Path, what: str) -> dict[str, Any]:

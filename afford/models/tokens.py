@@ -45,6 +45,10 @@ class Tokens(Protocol):
         """Encode a text without special ids at its ends; `<image>` and `[SEG]` are one id each."""
         ...
 
+    def decode(self, ids: Sequence[int]) -> str:
+        """Text of ids, special ones included."""
+        ...
+
     def id(self, special: str) -> int:
         """Id of `<image>` or `[SEG]`."""
         ...
@@ -70,6 +74,11 @@ class HashedTokens:
     def encode(self, text: str) -> list[int]:
         """Encode a text."""
         return [self.SPECIAL.get(word, self._hash(word)) for word in WORD.findall(text)]
+
+    def decode(self, ids: Sequence[int]) -> str:
+        """Decode ids: special tokens, and numbers for words, which hashing loses."""
+        names = {number: token for token, number in self.SPECIAL.items()}
+        return " ".join(names.get(one, f"#{one}") for one in ids)
 
     def id(self, special: str) -> int:
         """Id of a special token."""
@@ -103,6 +112,11 @@ class FileTokens:
         """Encode a text."""
         ids: list[int] = self.tokenizer.encode(text, add_special_tokens=False).ids
         return ids
+
+    def decode(self, ids: Sequence[int]) -> str:
+        """Decode ids."""
+        text: str = self.tokenizer.decode(list(ids), skip_special_tokens=False)
+        return text.strip()
 
     def id(self, special: str) -> int:
         """Id of a special token."""

@@ -44,6 +44,7 @@ def record(answer: Answer, model: ModelFolder) -> dict[str, Any]:
         "hands": chosen(prediction),
         "threshold": _round(prediction.threshold),
         **{side: hand(prediction, n) for n, side in enumerate(SIDES)},
+        **({"answer": prediction.answer} if prediction.answer else {}),
         "model": {"name": model.name, "digest": model.digest},
         "timing_ms": {"cpu": round(answer.cpu_ms, 3), "wall": round(answer.wall_ms, 3)},
     }  # fmt: skip
@@ -54,7 +55,8 @@ def brief(answer: Answer, folder: str) -> dict[str, Any]:
     picture, found = answer.picture, answer.prediction
     frame = {} if picture.frame is None else {"frame": picture.frame}
     scores = {side: _round(found.score[SIDES.index(side)].max()) for side in chosen(found)}
-    return {"source": picture.source, **frame, "folder": folder, "taxonomy": taxonomy(found)["label"], "scores": scores}
+    spoken = {"answer": found.answer} if found.answer else {}
+    return {"source": picture.source, **frame, "folder": folder, "taxonomy": taxonomy(found)["label"], "scores": scores, **spoken}
 
 
 def taxonomy(prediction: Prediction) -> dict[str, Any]:

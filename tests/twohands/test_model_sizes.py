@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -9,8 +10,13 @@ import torch
 from torch import nn
 from transformers import CLIPVisionConfig, LlamaConfig, LlavaConfig, SamConfig
 
+from afford.models.importing.source import Source
+from afford.models.importing.write import check_fit
 from afford.models.tokens import HashedTokens
 from afford.twohands.model.interface import ModelConfig, build
+from afford.twohands.model.published import import_2haff
+from tests.helpers.tiny_models import bytes_tokenizer
+from tests.twohands.test_published_weights import released
 
 VOCABULARY = 32003
 """Llama's 32000, and [SEG] and the two marks around the image"""
@@ -35,6 +41,28 @@ def write_backbones(folder: Path, size: str) -> Path:
     SamConfig(vision_config=encoder).save_pretrained(folder / "sam")
     (folder / "vlm" / "tokenizer.json").write_text(HashedTokens(VOCABULARY).to_json())
     return folder
+
+
+@pytest.mark.parametrize("size", ["7b", "13b"])
+def test_a_released_checkpoint_of_published_size_fits(tmp_path: Path, size: str) -> None:
+    """Every tensor by its released name and full shape, without memory; CLIP's tower is given beside it."""
+    folder = write_backbones(tmp_path, size)
+    tokens = bytes_tokenizer()
+    tokens.add_special_tokens(["[SEG]"])
+    (folder / "tokenizer.json").write_text(tokens.to_str())
+    with torch.device("meta"):
+        model = build(ModelConfig(variant="vlm", size_px=(1024, 1024), hypotheses=1, backbones=str(folder)), 0, pretrained=False)
+        given = released(model)
+        tower = {name.replace("vlm.model.vision_tower.", "vision_model."): tensor for name, tensor in model.state_dict().items()
+                 if "vision_tower" in name}  # fmt: skip
+    made = import_2haff(Source((), given | tower, (folder,)))
+    check_fit(made, size)
+    text = json.loads(made.texts["vlm/config.json"])["text_config"]
+    width, inner, layers, heads = LANGUAGE[size]
+    assert [text[name] for name in ("hidden_size", "intermediate_size", "num_hidden_layers", "num_attention_heads")] == [
+        width, inner, layers, heads]  # fmt: skip
+    assert json.loads(made.texts["config.json"])["size_px"] == [1024, 1024]
+    assert made.counted == sum(tensor.numel() for name, tensor in (given | tower).items() if "inv_freq" not in name)
 
 
 def count(module: nn.Module, *, trained: bool = False) -> int:

@@ -17,6 +17,8 @@ from torch import Tensor
 from afford.extraction.inpaint import Filled, LamaParams
 from afford.extraction.inpaint.lama_network import IN_CHANNELS, Generator, LamaConfig
 from afford.extraction.inpaint.windows import chunks, side_of, windows
+from afford.models.importing import Imported, parameter_count
+from afford.models.importing.source import Source
 from afford.models.loading import device_of, dtype_of, fill_weights
 from afford.models.tensor_files import read_tensors
 from schemas.masks import Tracks
@@ -118,3 +120,15 @@ def _fill_batch(model: Generator, rgb: np.ndarray, hole: np.ndarray, jobs: Seque
     for job, answer in zip(jobs, answers, strict=True):
         inside = hole[job.t][job.area]
         out[job.t][job.area][inside] = answer[inside]
+
+
+def import_lama(source: Source) -> Imported:
+    """Read a checkpoint of LaMa (`afford.models.importing.Kind`)."""
+    given = generator_tensors(source.tensors)
+    with torch.device("meta"):
+        model = Generator(config_of(given, ", ".join(path.name for path in source.files)))
+    counters = {name for name in model.state_dict() if name.endswith(".num_batches_tracked")}
+    expected = {name: tensor for name, tensor in model.state_dict().items() if name in given or name not in counters}
+    statistics = ("running_mean", "running_var", "num_batches_tracked")
+    return Imported("LaMa", "--set hand_inpaint.backend=lama --set hand_inpaint.lama.model=DIR/model.safetensors", {}, given,
+                    expected, single=True, counted=parameter_count(given, statistics))

@@ -14,6 +14,8 @@ from torch import Tensor, nn
 from torch.nn.functional import interpolate
 
 from afford.extraction.inpaint.vidm_unet import LATENT, Unet, VidmConfig, config_text, read_config
+from afford.models.importing import Imported
+from afford.models.importing.source import Source
 from afford.models.loading import fill_weights
 from afford.models.tensor_files import read_tensors
 
@@ -156,3 +158,14 @@ def _first_stage(name: str, levels: int) -> str:
     for pattern, replacement in RENAMED:
         name = re.sub(pattern, replacement, name)
     return re.sub(r"\.up_blocks\.(\d+)\.", lambda found: f".up_blocks.{levels - 1 - int(found[1])}.", name)
+
+
+def import_vidm(source: Source) -> Imported:
+    """Read a checkpoint of VIDM as published, or of `save` (`afford.models.importing.Kind`)."""
+    own = next((folder / CONFIG for folder in source.folders if (folder / CONFIG).is_file()), None)
+    config = read_config(own) if own else PUBLISHED
+    with torch.device("meta"):
+        model = Vidm(config)
+    given = rename_tensors(source.tensors, model.unet.state_dict(), config)
+    return Imported("VIDM, hand inpainting", "--set hand_inpaint.backend=vidm --set hand_inpaint.vidm.model=DIR",
+                    {CONFIG: config_text(config)}, given, dict(model.state_dict()), keep=("first_stage.",), single=True)

@@ -12,6 +12,8 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 
+from afford.models.importing import Imported
+from afford.models.importing.source import Source
 from afford.models.loading import CONFIG, WEIGHTS, write_model
 from afford.models.tensor_files import load_weights_only
 from afford.rgbd.model.config import Sor3dConfig
@@ -111,3 +113,19 @@ def load_encoder(encoder: nn.Module, path: Path) -> None:
         encoder.load_state_dict(load_file(path))
     except (OSError, SafetensorError, RuntimeError) as error:
         raise ValueError(f"{path.name}: expected the encoder of a model of this width, depth and norm; {error}") from error
+
+
+VGG = (64, 64, 128, 128, 256, 256, 256, 512, 512, 512, 512, 512, 512)
+"""channels of VGG16's convolutions (Simonyan and Zisserman 2015, configuration D)"""
+ALL_LAYERS = (0, 2, 5, 7, 10, 12, 14, 17, 19, 21, 24, 26, 28)
+CLASSIFIER = {"classifier.0": (4096, 25088), "classifier.3": (4096, 4096), "classifier.6": (1000, 4096)}
+
+
+def import_vgg16(source: Source) -> Imported:
+    """Read a VGG16 (`afford.models.importing.Kind`); its classifier, which nothing here uses, is left out."""
+    shapes = {f"features.{n}": (out, inner, 3, 3) for n, out, inner in zip(ALL_LAYERS, VGG, (3, *VGG), strict=False)}
+    expected = {f"{name}.{part}": torch.empty(shape if part == "weight" else shape[:1], device="meta")
+                for name, shape in shapes.items() for part in ("weight", "bias")}  # fmt: skip
+    given = {name: tensor for name, tensor in source.tensors.items() if name.rpartition(".")[0] not in CLASSIFIER}
+    return Imported("VGG16, its convolutions", "--set sor3d_train.variant=paper --set sor3d_train.backbones=DIR/model.safetensors",
+                    {}, given, expected, single=True)

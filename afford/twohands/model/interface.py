@@ -119,6 +119,10 @@ class Output(NamedTuple):
     """(b, 2, h, w) logits of the complete object of each hand; None for models without this output"""
     centre: Tensor | None = None
     """(b, 2): centre of the objects in the whole picture, as in `Target.centre`; None for models without this output"""
+    answer: tuple[str, ...] | None = None
+    """b generated answers; regions of an answer without [SEG] mean nothing. None for models that generate no text"""
+    said: Tensor | None = None
+    """(b,) bool: the answer contains [SEG], so that there are regions; None for models that generate no text"""
 
 
 class TwoHands(nn.Module, ABC):
@@ -129,6 +133,11 @@ class TwoHands(nn.Module, ABC):
     @abstractmethod
     def forward(self, batch: Batch) -> Output:
         """Predict regions, scores and taxonomy of b images; in training mode also `text_loss` where the model generates text."""
+
+    def answer(self, batch: Batch) -> Output:
+        """Predict as `forward`; a model with a language model generates its answer first (`Output.answer`)."""
+        output: Output = self(batch)
+        return output
 
     def extra_files(self) -> dict[str, str]:
         """Name -> text of the files besides config.json and the weights that are needed to build this model again."""

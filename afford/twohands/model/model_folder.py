@@ -17,7 +17,8 @@ from safetensors.torch import load_file
 
 from afford.common.errors import SourceError
 from afford.common.text import swap_sides
-from afford.models.loading import CONFIG, WEIGHTS, fill_weights, write_model
+from afford.models.importing.source import INDEX, RECORD
+from afford.models.loading import CONFIG, WEIGHTS, dtype_of, fill_weights, write_model
 from afford.models.word_vectors import split_words
 from afford.twohands.model.interface import ModelConfig, TwoHands, build
 
@@ -35,18 +36,29 @@ def save_model(model: TwoHands, folder: Path) -> None:
         (folder / name).write_text(text, encoding="utf-8")
 
 
+def config_json(config: ModelConfig) -> str:
+    """Text of config.json of a model."""
+    fields = {"format": FORMAT, **dataclasses.asdict(dataclasses.replace(config, backbones=""))}
+    return json.dumps(fields, indent=2, sort_keys=True) + "\n"
+
+
 def locate_files(folder: Path) -> Path:
     """Folder of the files of a model: `folder` itself, or `model/` in it for a published training."""
     return folder if (folder / CONFIG).is_file() or not (folder / INSIDE / CONFIG).is_file() else folder / INSIDE
 
 
-def load_model(folder: Path) -> TwoHands:
-    """Load a model from a folder of `save_model` or of a published training, on the CPU, in evaluation mode.
+def load_model(folder: Path, dtype: str = "") -> TwoHands:
+    """Load a model from a folder of `save_model`, of a published training or of `weights import`, on the CPU, to evaluate it.
 
-    ValueError names the file, field or tensor that does not fit.
+    dtype: one of `loading.DTYPES`; '' for single precision, and for `vlm` as it is stored. A `vlm` in the type in which it is
+    stored is memory-mapped. ValueError names the file, field or tensor that does not fit.
     """
     folder = locate_files(folder)
     config = read_config(folder)
+    if config.variant == "vlm":
+        from afford.twohands.model.large import load_large
+
+        return load_large(folder, config, dtype)
     try:
         weights = load_file(folder / WEIGHTS)
     except (OSError, SafetensorError) as error:
@@ -57,7 +69,7 @@ def load_model(folder: Path) -> TwoHands:
 
         weights = completed(weights)
     fill_weights(model, weights, str(folder / WEIGHTS), "it is the file of another model")
-    return model.eval()
+    return (model.to(dtype_of(dtype)) if dtype else model).eval()
 
 
 def read_config(folder: Path) -> ModelConfig:
@@ -143,7 +155,7 @@ def find_model(folder: Path) -> ModelFolder:
     """Find the model in a folder. SourceError when there is no model, ValueError when its words.json cannot be read."""
     place = locate_files(folder)
     for name in (CONFIG, WEIGHTS):
-        if not (place / name).is_file():
+        if not (place / name).is_file() and not (name == WEIGHTS and (place / INDEX).is_file()):
             raise SourceError(str(folder), f"a trained model ({CONFIG} and {WEIGHTS})", f"no {name}", "run `make train` first")
     named = place.resolve()
     return ModelFolder(place, named.parent.name if named.name == INSIDE else named.name, _digest(place), read_vocabulary(place))
@@ -165,6 +177,9 @@ def format_of(folder: Path) -> str | None:
 
 
 def _digest(place: Path) -> str:
+    record = place / RECORD
+    if record.is_file():  # it has the digests of all files, which may be tens of gigabytes
+        return blake3(record.read_bytes()).hexdigest()
     digest = blake3()
     for name in (CONFIG, WEIGHTS):
         digest.update_mmap(place / name)

@@ -8,6 +8,7 @@ picture shows the position of the object, and hence which hand is nearer, so the
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import NamedTuple
 
@@ -47,6 +48,10 @@ class RawPrediction(NamedTuple):
     """(4,) float32 probabilities"""
     objects: Tensor | None
     """(2, h', w') logits of the complete objects, over the whole letter-box; None for a model without this output"""
+    answer: str = ""
+    """text that a language model generated"""
+    said: bool = True
+    """False: the answer names no region, so there is none"""
 
 
 class Predictor:
@@ -57,15 +62,17 @@ class Predictor:
     >>> found.mask("left"), found.mask("right")
     """
 
-    def __init__(self, model: str | Path | TwoHands, device: str = "cpu", mirror: bool = True) -> None:
+    def __init__(self, model: str | Path | TwoHands, device: str = "cpu", mirror: bool = True, dtype: str = "") -> None:
         """Load a model, or take one that is in memory.
 
         `model` is a model, or a folder that `save_model` wrote or a training published. With `mirror`, every prediction is the mean
-        over the picture and its mirror image, which takes twice the time. A folder with a vocabulary reads unknown words of tasks
-        as known ones (`stand_ins.read_task`).
+        over the picture and its mirror image, which takes twice the time; not for `vlm`, which answers one picture. A folder with a
+        vocabulary reads unknown words of tasks as known ones (`stand_ins.read_task`). `dtype` is the number type of a folder's
+        weights (`load_model`).
         """
-        loaded = model if isinstance(model, TwoHands) else load_model(Path(model))
-        self.model, self.device, self.mirror = loaded.to(device).eval(), device, mirror
+        loaded = model if isinstance(model, TwoHands) else load_model(Path(model), dtype)
+        self.model, self.device = loaded.to(device).eval(), device
+        self.mirror = mirror and loaded.config.variant != "vlm"
         self.words = None if isinstance(model, TwoHands) else read_vocabulary(locate_files(Path(model)))
 
     def predict(self, image: np.ndarray, task: str, hands: str = "auto", looks: int = 2) -> Prediction:
@@ -80,14 +87,14 @@ class Predictor:
                       looks: int = 2) -> list[Prediction]:  # fmt: skip
         """Predict the regions for several images of any size, in one forward pass for each look.
 
-        On a CPU the model runs on one thread; torch's number of threads is restored afterwards.
+        On a CPU the model runs on one thread, a `vlm` on all; torch's number of threads is restored afterwards.
         """
         if len(images) != len(tasks):
             raise ValueError(f"expected one task for each image, got {len(images)} images and {len(tasks)} tasks")
         for image in images:
             _check(image)
         read = tasks if self.words is None else [read_task(task, self.words).text for task in tasks]
-        with one_thread(self.device):
+        with nullcontext() if self.model.config.variant == "vlm" else one_thread(self.device):
             raw = self._look(images, read)
             if looks > 1:
                 raw = self._look_closer(images, read, raw)
@@ -105,10 +112,12 @@ class Predictor:
         size = self.model.config.size_px
         batch = Batch(to_tensor([letterbox(image, size) for image in images]).to(self.device), tuple(tasks))
         with torch.inference_mode():
-            output = self.model(batch)
+            output = self.model.answer(batch)
         taxonomy = output.taxonomy.float().softmax(-1).cpu().numpy()
         objects = [None] * len(images) if output.objects is None else output.objects.float().cpu()
-        rows = zip(images, output.logits.float().cpu(), output.score.float().cpu(), taxonomy, objects, strict=True)
+        texts = output.answer or [""] * len(images)
+        said = [True] * len(images) if output.said is None else output.said.tolist()
+        rows = zip(images, output.logits.float().cpu(), output.score.float().cpu(), taxonomy, objects, texts, said, strict=True)
         return [RawPrediction(self._probability(image, logits), *rest) for image, logits, *rest in rows]
 
     def _look_closer(self, images: Sequence[np.ndarray], tasks: Sequence[str], first: list[RawPrediction]) -> list[RawPrediction]:
@@ -126,9 +135,9 @@ class Predictor:
         return found
 
     def _select(self, task: str, raw: RawPrediction, hands: str) -> Prediction:
-        selected = select_hands(raw.taxonomy, hands)
+        selected = select_hands(raw.taxonomy, hands) & raw.said
         score = rank_scores(raw.score, bool(selected.all())).numpy()
-        return Prediction(task, raw.probability, score, raw.taxonomy, selected, self.model.config.threshold)
+        return Prediction(task, raw.probability, score, raw.taxonomy, selected, self.model.config.threshold, raw.answer)
 
 
 def rank_scores(score: Tensor, together: bool) -> Tensor:
@@ -149,13 +158,15 @@ def merge_mirrored(raw: RawPrediction, mirrored: RawPrediction) -> RawPrediction
     """Mean of the predictions for a picture and for its mirror image, in the frame of the picture.
 
     Regions are averaged, scores in the logarithm; complete objects are those of the picture. The k hypotheses of both need not come
-    in one order, so each is averaged with the one that overlaps it most.
+    in one order, so each is averaged with the one that overlaps it most. Where only one of both has regions, the picture decides.
     """
+    if not (raw.said and mirrored.said):
+        return raw
     back = RawPrediction(mirrored.probability[::-1, :, :, ::-1], mirrored.score.flip(0), mirrored.taxonomy[list(MIRRORED)], None)
     order = _match_hypotheses(raw.probability, back.probability)
     regions = (raw.probability + back.probability[:, order]) / 2
     score = (raw.score.log_softmax(-1) + back.score[:, from_numpy(order)].log_softmax(-1)) / 2
-    return RawPrediction(regions, score, mean_taxonomy(raw, back), raw.objects)
+    return RawPrediction(regions, score, mean_taxonomy(raw, back), raw.objects, raw.answer)
 
 
 def mean_taxonomy(one: RawPrediction, other: RawPrediction) -> np.ndarray:
@@ -195,7 +206,7 @@ def paste_crop(first: RawPrediction, closer: RawPrediction, window: Box) -> RawP
     """Regions of the second look in the frame of the whole picture, zero outside the window; the mean of both taxonomies."""
     probability = np.zeros((*closer.probability.shape[:2], *first.probability.shape[2:]), np.float32)
     probability[:, :, window[0], window[1]] = closer.probability
-    return RawPrediction(probability, closer.score, mean_taxonomy(first, closer), closer.objects)
+    return RawPrediction(probability, closer.score, mean_taxonomy(first, closer), closer.objects, first.answer)
 
 
 def _object_mask(raw: RawPrediction, inner: tuple[int, int], size_px: tuple[int, int]) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Load the weights of released 2HAff and LISA checkpoints into a `vlm` model.
+"""Load the weights of released 2HAff and LISA checkpoints into a `vlm` model, or import them as a model's folder.
 
 The files are safetensors or PyTorch files, whole or in shards with an index; of the latter, only tensors are read. Tensors that the
 released format leaves out keep their values and are reported: low-rank updates (merged before release), the image tower (always
@@ -7,21 +7,27 @@ CLIP's own) and, for LISA, which has one decoder and no taxonomy, the taxonomy h
 
 from __future__ import annotations
 
-import json
+import math
 import re
+from collections.abc import Mapping
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
+from transformers import LlavaConfig, LlavaForConditionalGeneration, SamConfig, SamModel
 
-from afford.common.bounded import reason
+from afford.models.importing import Imported, shapes_of
+from afford.models.importing.llava import CLIP_ONLY, language_fields, llava_sizes
+from afford.models.importing.sam import config_text, sam_name, sam_sizes, sam_title
+from afford.models.importing.source import Source, open_source
 from afford.models.loading import fill_weights
-from afford.models.tensor_files import load_weights_only
-from afford.twohands.model.interface import TwoHands
+from afford.models.tokens import IMAGE, SEG, FileTokens
+from afford.twohands.model.interface import ModelConfig, TwoHands, build
+from afford.twohands.model.model_folder import config_json
 from schemas.video import SIDES
 
-INDEXES = ("model.safetensors.index.json", "pytorch_model.bin.index.json")
-WHOLE = ("model.safetensors", "pytorch_model.bin")
 IGNORED = re.compile(r"rotary_emb\.inv_freq$|position_ids$|pixel_(mean|std)$")
 """computed buffers that older versions saved"""
 MAY_STAY = re.compile(r"\.lora_[AB]\.|^vlm\.model\.vision_tower\.|^regions\.taxonomy\.")
@@ -30,45 +36,13 @@ GROWS = ("vlm.model.language_model.embed_tokens.weight", "vlm.lm_head.weight")
 """released vocabularies have no row for <image>, which is not used; the model has this row last"""
 
 RENAMED = (
-    (r"^base_model\.model\.", ""),
     (r"^lm_head\.", "vlm.lm_head."),
     (r"^model\.text_hidden_fcs\.0\.", "project."),
     (r"^model\.mm_projector\.0\.", "vlm.model.multi_modal_projector.linear_1."),
     (r"^model\.mm_projector\.2\.", "vlm.model.multi_modal_projector.linear_2."),
     (r"^model\.vision_tower\.vision_tower\.vision_model\.", "vlm.model.vision_tower."),
     (r"^model\.(?=(layers|embed_tokens|norm)\.)", "vlm.model.language_model."),
-    (r"\.(q_proj|v_proj)\.weight$", r".\1.base_layer.weight"),
-    (r"^model\.visual_model\.", "sam."),
-    # image encoder
-    (r"^sam\.image_encoder\.patch_embed\.proj\.", "regions.image_encoder.patch_embed.projection."),
-    (r"^sam\.image_encoder\.blocks\.", "regions.image_encoder.layers."),
-    (r"^sam\.image_encoder\.neck\.0\.", "regions.image_encoder.neck.conv1."),
-    (r"^sam\.image_encoder\.neck\.1\.", "regions.image_encoder.neck.layer_norm1."),
-    (r"^sam\.image_encoder\.neck\.2\.", "regions.image_encoder.neck.conv2."),
-    (r"^sam\.image_encoder\.neck\.3\.", "regions.image_encoder.neck.layer_norm2."),
-    (r"^sam\.image_encoder\.", "regions.image_encoder."),
-    # prompt encoder
-    (r"^sam\.prompt_encoder\.pe_layer\.positional_encoding_gaussian_matrix$",
-     "regions.prompt_encoder.shared_embedding.positional_embedding"),
-    (r"^sam\.prompt_encoder\.point_embeddings\.", "regions.prompt_encoder.point_embed."),
-    (r"^sam\.prompt_encoder\.mask_downscaling\.0\.", "regions.prompt_encoder.mask_embed.conv1."),
-    (r"^sam\.prompt_encoder\.mask_downscaling\.1\.", "regions.prompt_encoder.mask_embed.layer_norm1."),
-    (r"^sam\.prompt_encoder\.mask_downscaling\.3\.", "regions.prompt_encoder.mask_embed.conv2."),
-    (r"^sam\.prompt_encoder\.mask_downscaling\.4\.", "regions.prompt_encoder.mask_embed.layer_norm2."),
-    (r"^sam\.prompt_encoder\.mask_downscaling\.6\.", "regions.prompt_encoder.mask_embed.conv3."),
-    (r"^sam\.prompt_encoder\.", "regions.prompt_encoder."),
-    # decoders; the name of the taxonomy head is not documented, so any name with taxonomy or class is accepted
-    (r"^sam\.mask_decoder_left\.\w*(taxonomy|class)\w*\.", "regions.taxonomy."),
-    (r"^sam\.mask_decoder_left\.", "regions.decoders.0."),
-    (r"^sam\.mask_decoder_right\.", "regions.decoders.1."),
-    (r"(^regions\.taxonomy|_mlps\.\d|_head)\.layers\.0\.(?=weight|bias)", r"\1.proj_in."),
-    (r"(^regions\.taxonomy|_mlps\.\d|_head)\.layers\.1\.(?=weight|bias)", r"\1.layers.0."),
-    (r"(^regions\.taxonomy|_mlps\.\d|_head)\.layers\.2\.(?=weight|bias)", r"\1.proj_out."),
-    (r"\.norm(\d)\.", r".layer_norm\1."),
-    (r"\.norm_final_attn\.", ".layer_norm_final_attn."),
-    (r"\.output_upscaling\.0\.", ".upscale_conv1."),
-    (r"\.output_upscaling\.1\.", ".upscale_layer_norm."),
-    (r"\.output_upscaling\.3\.", ".upscale_conv2."),
+    (r"^vision_model\.", "vlm.model.vision_tower."),
 )  # fmt: skip
 """(pattern, replacement), applied one after the other"""
 
@@ -90,6 +64,18 @@ def load_published(model: TwoHands, path: Path) -> list[str]:
     return stay
 
 
+HANDS = (
+    (r"^mask_decoder_left\.\w*(taxonomy|class)\w*\.", "taxonomy."),
+    (r"^mask_decoder_left\.", "decoders.0."),
+    (r"^mask_decoder_right\.", "decoders.1."),
+    (r"^taxonomy\.layers\.0\.", "taxonomy.proj_in."),
+    (r"^taxonomy\.layers\.1\.", "taxonomy.layers.0."),
+    (r"^taxonomy\.layers\.2\.", "taxonomy.proj_out."),
+)
+"""the same for SAM's part; the name of the taxonomy head is not documented, so any name with taxonomy or class is accepted"""
+SAM = "model.visual_model."
+
+
 def our_names(name: str, decoders: int = 2) -> list[str]:
     """Names of a released tensor in the model: none for a computed buffer, both decoders for the single one of LISA."""
     if IGNORED.search(name):
@@ -97,39 +83,97 @@ def our_names(name: str, decoders: int = 2) -> list[str]:
     if ".mask_decoder." in name:
         sides = SIDES[:decoders]
         return [one for side in sides for one in our_names(name.replace(".mask_decoder.", f".mask_decoder_{side}."), decoders)]
-    elsewhere = "vision_tower" in name or "visual_model" in name
-    for pattern, replacement in RENAMED:
-        if not (elsewhere and "base_layer" in replacement):
-            name = re.sub(pattern, replacement, name)
-    return [name]
+    name = re.sub(r"^base_model\.model\.", "", name)
+    if name.startswith(SAM):
+        return ["regions." + sam_name(_renamed(name.removeprefix(SAM), HANDS))]
+    name = _renamed(name, RENAMED)
+    return [name if ".vision_tower." in name else ADAPTED.sub(r".\1.base_layer.weight", name)]
+
+
+ADAPTED = re.compile(r"\.(q_proj|v_proj)\.weight$")
+
+
+def _renamed(name: str, table: tuple[tuple[str, str], ...]) -> str:
+    for pattern, replacement in table:
+        name = re.sub(pattern, replacement, name)
+    return name
 
 
 def read_weights(path: Path) -> dict[str, Tensor]:
-    """Read tensors by name from a file, or from a folder with one file or with shards. ValueError without a file."""
-    if path.is_file():
-        return _read_file(path)
-    for name in INDEXES:
-        if (path / name).is_file():
-            return {key: tensor for shard in _shards(path / name) for key, tensor in _read_file(shard).items()}
-    for name in WHOLE:
-        if (path / name).is_file():
-            return _read_file(path / name)
-    raise ValueError(f"{path}: expected one of {', '.join(INDEXES + WHOLE)}")
+    """Read tensors by name from a file, or from a folder with one file or with shards, memory-mapped. ValueError without a file."""
+    return open_source([path]).tensors
 
 
-def _shards(index: Path) -> list[Path]:
-    try:
-        names = set(json.loads(index.read_text(encoding="utf-8"))["weight_map"].values())
-    except (OSError, ValueError, KeyError, AttributeError, TypeError, RecursionError) as error:
-        raise ValueError(f"{index}: expected {{\"weight_map\": {{tensor: file}}}}; {reason(error)}") from error
-    outside = sorted(str(name) for name in names if Path(str(name)).name != name)
-    if outside:
-        raise ValueError(f"{index}: expected names of files beside it, got {', '.join(outside)}")
-    return [index.parent / name for name in sorted(names)]
+LORA_A = re.compile(r"\.lora_A\.")
+NOTES = {
+    "2haff": "the answer is generated, and regions exist only where it contains [SEG]",
+    "lisa": "one decoder serves both hands; the taxonomy head is random, since LISA has none: give --hands",
+}
 
 
-def _read_file(path: Path) -> dict[str, Tensor]:
-    found = load_weights_only(path, "a file of tensors")
-    if not all(isinstance(tensor, Tensor) for tensor in found.values()):
-        raise ValueError(f"{path}: expected a flat mapping of names to tensors")
-    return found
+def import_2haff(source: Source) -> Imported:
+    """Read a released 2HAff checkpoint (`Kind`); tokenizer.json and, where it lacks the image tower, CLIP must be beside it."""
+    return _import(source, 2, "2haff", "2HandedAfforder")
+
+
+def import_lisa(source: Source) -> Imported:
+    """Read a released LISA checkpoint (`Kind`), as `import_2haff`."""
+    return _import(source, 1, "lisa", "LISA")
+
+
+def _import(source: Source, decoders: int, kind: str, named: str) -> Imported:
+    published = {name: tensor for name, tensor in source.tensors.items() if not CLIP_ONLY.match(name) and our_names(name)}
+    given = {ours: tensor for name, tensor in published.items() for ours in our_names(name, decoders)}
+    words = source.tokenizer()
+    if not words:
+        raise ValueError(f"expected a tokenizer.json beside the checkpoint of {named}, found none; load the tokenizer of the "
+                         "checkpoint with transformers, add its [SEG], and save_pretrained writes one")
+    tokens = FileTokens(words)
+    rows = given.get(GROWS[0])
+    if rows is not None and tokens.id(SEG) >= len(rows):
+        raise ValueError(f"tokenizer.json: expected [SEG] among the {len(rows)} tokens of the checkpoint, got none; add the tokens "
+                         "in the order of the training ([SEG], then <im_start> and <im_end>)")
+    plain = {name.replace(".base_layer.", "."): tensor for name, tensor in given.items()}
+    llava = LlavaConfig(**llava_sizes(plain, "vlm.model.", language_fields(source)), image_token_index=tokens.id(IMAGE))
+    sam = SamConfig(**sam_sizes(given, "regions.image_encoder.", "regions.decoders.0.", "regions.prompt_encoder."))
+    side = int(sam.vision_config.image_size)
+    config = ModelConfig(variant="vlm", size_px=(side, side), hypotheses=1, decoders=decoders, seg_state="code")
+    texts = {"vlm/config.json": config_text(llava, LlavaForConditionalGeneration), "vlm/tokenizer.json": tokens.to_json(),
+             "sam/config.json": config_text(sam, SamModel)}  # fmt: skip
+    model = empty_model(config, texts)
+    expected = shapes_of(model)
+    grown = {name: _with_row(given[name], len(expected[name])) for name in GROWS if name in given and name in expected}
+    fresh = {name: _fresh(name, tensor) for name, tensor in expected.items() if name not in given and FRESH.search(name)}
+    count = sum(tensor.numel() for tensor in published.values())
+    return Imported(f"{named} {count / 1e9:.1f}B with {sam_title(sam)}", "predict PICTURE TASK --model DIR --dtype bfloat16",
+                    {**texts, "config.json": config_json(config)}, {**given, **grown, **fresh}, expected, tuple(sorted(fresh)),
+                    counted=count, notes=(NOTES[kind],))  # fmt: skip
+
+
+FRESH = re.compile(r"\.lora_[AB]\.|^regions\.taxonomy\.")
+"""tensors that a released checkpoint may lack, and that an import makes"""
+
+
+def empty_model(config: ModelConfig, texts: Mapping[str, str]) -> TwoHands:
+    """Build a model without memory from the texts of its backbones' configs."""
+    with TemporaryDirectory() as scratch:
+        for name, text in texts.items():
+            (Path(scratch) / name).parent.mkdir(exist_ok=True)
+            (Path(scratch) / name).write_text(text, encoding="utf-8")
+        fields: dict[str, Any] = {**config.__dict__, "backbones": scratch}
+        with torch.device("meta"):
+            return build(ModelConfig(**fields), 0, pretrained=False)
+
+
+def _with_row(tensor: Tensor, rows: int) -> Tensor:
+    """Add a row of zeros for <image>, which no published vocabulary has, and no answer contains."""
+    return torch.cat([tensor, tensor.new_zeros(1, tensor.shape[1])]) if len(tensor) == rows - 1 else tensor
+
+
+def _fresh(name: str, like: Tensor) -> Tensor:
+    """Values of a tensor that a checkpoint lacks: no update of a projection, or a random layer, by its name alone."""
+    made = torch.zeros(like.shape)
+    if LORA_A.search(name) or (name.startswith("regions.taxonomy.") and name.endswith(".weight")):
+        generator = torch.Generator().manual_seed(sum(name.encode()))
+        nn.init.kaiming_uniform_(made, a=math.sqrt(5), generator=generator)
+    return made

@@ -95,6 +95,18 @@ def _repeat_image(tokens: Tokens, text: str, count: int) -> list[int]:
     return [one for token in tokens.encode(text) for one in ([token] * count if token == image else [token])]
 
 
+class Spoken(NamedTuple):
+    """A generated answer."""
+
+    text: str
+    said: bool
+    """it contains [SEG]"""
+    state: Tensor
+    """(width,) hidden state of its first [SEG], or of its last token without one"""
+
+
+LONGEST_ANSWER = 32
+"""tokens of an answer"""
 ADAPTED = r".*language_model\..*\.(q_proj|v_proj)"
 TRAINED = re.compile(r"(^|\.)(lora_[AB]\.|lm_head\.|embed_tokens\.)")
 
@@ -123,8 +135,49 @@ class Vlm(TwoHands):
         where = seg_positions(tokens.ids, self.tokens.id(SEG), self.config.seg_state)
         prompt = self.project(hidden[torch.arange(len(hidden), device=hidden.device), where])[:, None]
         loss = self._text_loss(hidden, tokens.labels) if self.training else None
-        logits, score, taxonomy = self.regions(normalised(batch.image), prompt)
+        logits, score, taxonomy = self._regions(batch.image, prompt)
         return Output(logits, score, taxonomy, loss)
+
+    @torch.no_grad()
+    def answer(self, batch: Batch) -> Output:
+        """Generate the answer to each task, then decode regions where it contains [SEG]; see `TwoHands`."""
+        spoken = [self._generate(image[None], task) for image, task in zip(batch.image, batch.task, strict=True)]
+        states = torch.stack([one.state for one in spoken]).to(batch.image.device)
+        logits, score, taxonomy = self._regions(batch.image, self.project(states)[:, None])
+        said = torch.tensor([one.said for one in spoken], device=batch.image.device)
+        return Output(logits, score, taxonomy, answer=tuple(one.text for one in spoken), said=said)
+
+    def _generate(self, image: Tensor, task: str) -> Spoken:
+        """Answer about one image (1, 3, H, W), by the most likely token after each other, and the state of its [SEG]."""
+        prompt = question(task if self.config.text else "", image=self._image_words())
+        begin = self.vlm.config.text_config.bos_token_id
+        begun = torch.tensor([[begin, *_repeat_image(self.tokens, prompt, image_tokens(self.vlm.config))]], device=image.device)
+        found = self.vlm.generate(
+            input_ids=begun, attention_mask=torch.ones_like(begun), pixel_values=self._pixels(image), do_sample=False,
+            max_new_tokens=LONGEST_ANSWER, output_hidden_states=True, return_dict_in_generate=True,
+            suppress_tokens=[self.tokens.id(IMAGE)])  # fmt: skip
+        hidden = [step[-1][:, -1] for step in found.hidden_states]
+        ids = found.sequences[0, begun.shape[1] :].tolist()
+        seg = self.tokens.id(SEG)
+        at = ids.index(seg) if seg in ids else -1
+        if at < 0:
+            return Spoken(self._words(ids), False, hidden[-1][0])
+        if self.config.seg_state == "code":
+            return Spoken(self._words(ids), True, hidden[at][0])
+        return Spoken(self._words(ids), True, hidden[at + 1][0] if at + 1 < len(hidden) else self._last(image, found.sequences))
+
+    def _words(self, ids: list[int]) -> str:
+        end = self.vlm.config.text_config.eos_token_id
+        return self.tokens.decode([one for one in ids if one != end])
+
+    def _last(self, image: Tensor, ids: Tensor) -> Tensor:
+        """State of the last token of a text, which nothing was generated after."""
+        return self._hidden(image, Dialogue(ids, torch.ones_like(ids, dtype=torch.bool), ids))[0, -1]
+
+    def _regions(self, image: Tensor, prompt: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Regions of images (b, 3, H, W) 0..1, in the number type of the weights."""
+        found: tuple[Tensor, Tensor, Tensor] = self.regions(normalised(image).to(prompt.dtype), prompt)
+        return found
 
     def extra_files(self) -> dict[str, str]:
         """Return the configs of the backbones and the tokenizer."""
@@ -137,7 +190,7 @@ class Vlm(TwoHands):
         answer is given, because the model has learned the hidden state of its [SEG].
         """
         tasks = [task if self.config.text else "" for task in batch.task]
-        image = IMAGE if self.tokens.find("<im_start>") is None else FRAMED
+        image = self._image_words()
         if self.training:
             pairs = [(question(task, _draw(QUESTIONS), image), _draw(ANSWERS)) for task in tasks]
         else:
@@ -147,12 +200,20 @@ class Vlm(TwoHands):
         talk = dialogue(self.tokens, pairs, image_tokens(self.vlm.config), text.bos_token_id, text.eos_token_id, pad)
         return Dialogue(*(one.to(batch.image.device) for one in talk))
 
+    def _image_words(self) -> str:
+        return IMAGE if self.tokens.find("<im_start>") is None else FRAMED
+
     def _hidden(self, image: Tensor, talk: Dialogue) -> Tensor:
         """Last hidden states (b, n, width) of the language model."""
-        pixels = for_tower(image, self.vlm.config.vision_config.image_size).to(self.vlm.dtype)
-        found = self.vlm.model(input_ids=talk.ids, pixel_values=pixels, attention_mask=talk.keep.long(), use_cache=False)
+        found = self.vlm.model(input_ids=talk.ids, pixel_values=self._pixels(image), attention_mask=talk.keep.long(),
+                               use_cache=False)  # fmt: skip
         hidden: Tensor = found.last_hidden_state
         return hidden
+
+    def _pixels(self, image: Tensor) -> Tensor:
+        """Images (b, 3, H, W) 0..1 as the image tower takes them."""
+        pixels: Tensor = for_tower(image, self.vlm.config.vision_config.image_size).to(self.vlm.dtype)
+        return pixels
 
     def _text_loss(self, hidden: Tensor, labels: Tensor) -> Tensor:
         """Mean cross-entropy of the answers' tokens, each predicted from the token before it."""
