@@ -69,7 +69,7 @@ def test_the_saved_model_predicts(trained: Trained, tmp_path: Path) -> None:
     predictor = Predictor(tmp_path)
     found = predictor.predict(np.zeros((50, 80, 3), np.uint8), "open jar")
     thresholds = {curve.name: curve for curve in trained.log.curves}["val.threshold"]
-    assert found.probability.shape == (2, 3, 50, 80)
+    assert found.probability.shape == (2, 1, 50, 80)
     assert found.threshold == thresholds.value[thresholds.step == trained.log.best_step][0]
 
 

@@ -1,0 +1,296 @@
+"""Measure the large models, training and physics on a GPU, part by part; writes benchmarks/gpu.md.
+
+    PYTHONPATH=. python benchmarks/bench_gpu.py [PART ...] [--scratch DIR] [--dataset DIR]
+
+Needs a CUDA build of torch. Each part takes less than eight minutes; figures of parts that ran before stay in benchmarks/gpu.json
+with the name of their card. A part whose packages or data are missing is named. Weights are random, since speed does not depend on
+them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import json
+import statistics
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+import torch
+from safetensors.torch import save_file
+from torch import nn
+
+ROOT = Path(__file__).resolve().parent.parent
+PAGE, FIGURES = ROOT / "benchmarks" / "gpu.md", ROOT / "benchmarks" / "gpu.json"
+Figures = dict[str, str]
+"""what was measured -> figure with its unit"""
+
+
+def seconds(work: Callable[[], object], repeats: int = 5) -> float:
+    """Median seconds of a call, after one that does not count."""
+    found = []
+    for n in range(repeats + 1):
+        torch.cuda.synchronize()
+        began = time.perf_counter()
+        work()
+        torch.cuda.synchronize()
+        found += [time.perf_counter() - began] if n else []
+    return statistics.median(found)
+
+
+def peak_gib() -> str:
+    """Largest memory of torch on the device since the last reset."""
+    return f"{torch.cuda.max_memory_allocated() / 2**30:.1f} GiB"
+
+
+def on_device(model: nn.Module, dtype: torch.dtype) -> nn.Module:
+    """Give a model that was built on the device meta random weights on the GPU."""
+    generator = torch.Generator("cuda").manual_seed(0)
+    weights = {name: torch.randn(tensor.shape, generator=generator, device="cuda", dtype=dtype).mul_(0.02)
+               for name, tensor in model.state_dict().items()}  # fmt: skip
+    model.load_state_dict(weights, assign=True)
+    return model
+
+
+def sam2(args: argparse.Namespace) -> Figures:
+    """SAM 2.1 hiera large: a video of 480p with two objects, from a prompt in its first frame."""
+    from transformers import Sam2VideoModel
+
+    from afford.models.sam2 import published_config, session, track_frames
+
+    count, rgb = 48, np.random.default_rng(0).integers(0, 255, (48, 480, 854, 3)).astype(np.uint8)
+    prompt = np.zeros((2, 480, 854), bool)
+    prompt[0, 100:300, 100:300] = prompt[1, 200:400, 500:700] = True
+    out: Figures = {}
+    for dtype in (torch.float32, torch.bfloat16):
+        torch.cuda.reset_peak_memory_stats()
+        model = Sam2VideoModel(published_config("large")).to("cuda", dtype).eval()
+        made = session(model, rgb, {0: prompt})
+        list(track_frames(model, rgb, {0: prompt}, range(4), within=made))
+        torch.cuda.synchronize()
+        began = time.perf_counter()
+        list(track_frames(model, rgb, {0: prompt}, range(count), within=made))
+        torch.cuda.synchronize()
+        name = str(dtype).removeprefix("torch.")
+        out[f"SAM 2.1 hiera large, 2 objects, {name}"] = f"{count / (time.perf_counter() - began):.1f} frames/s, {peak_gib()}"
+        del model, made
+    return out
+
+
+def vidm(args: argparse.Namespace) -> Figures:
+    """VIDM at its published size: groups of four frames of 256 x 256, 50 steps, two groups at once."""
+    from afford.extraction.inpaint.vidm_model import Vidm, fill
+    from afford.extraction.inpaint.vidm_unet import VidmConfig
+
+    out: Figures = {}
+    for dtype in (torch.float32, torch.bfloat16):
+        torch.cuda.reset_peak_memory_stats()
+        model = Vidm(VidmConfig()).to("cuda").eval()
+        model.unet.to(dtype)
+        rgb = np.random.default_rng(0).integers(0, 255, (2, 4, 256, 256, 3)).astype(np.uint8)
+        holes = np.zeros((2, 4, 256, 256), bool)
+        holes[:, :, 80:160, 80:160] = True
+        took = seconds(partial(fill, model, rgb, holes, steps=50, eta=1.0, seeds=(0, 1)), 2) / 2
+        out[f"VIDM, 50 steps, {str(dtype).removeprefix('torch.')}"] = f"{took:.2f} s a frame, {peak_gib()}"
+    return out
+
+
+def vlm(size: str) -> Callable[[argparse.Namespace], Figures]:
+    """LLaVA of a size with SAM ViT-H in bfloat16: from files onto the card, then one picture."""
+    def part(args: argparse.Namespace) -> Figures:
+        from afford.twohands.model.interface import Batch
+        from afford.twohands.model.model_folder import load_model
+
+        with TemporaryDirectory(dir=args.scratch) as scratch:
+            folder = published(Path(scratch), size)
+            gigabytes = sum(path.stat().st_size for path in folder.rglob("*")) / 1e9
+            torch.cuda.reset_peak_memory_stats()
+            began = time.perf_counter()
+            model = load_model(folder).to("cuda")
+            torch.cuda.synchronize()
+            load = time.perf_counter() - began
+        batch = Batch(torch.rand(1, 3, 1024, 1024, device="cuda"), ("pour tea from the kettle",))
+        with torch.inference_mode():
+            given, generated = seconds(lambda: model(batch), 3), seconds(lambda: model.answer(batch), 3)
+        name = f"{size.upper()} with SAM ViT-H, bfloat16"
+        return {f"{name}: load {gigabytes:.0f} GB from files": f"{load:.0f} s",
+                f"{name}: a picture, answer given": f"{1000 * given:.0f} ms",
+                f"{name}: a picture, answer generated (32 tokens)": f"{1000 * generated:.0f} ms, {peak_gib()}"}  # fmt: skip
+
+    return part
+
+
+def published(root: Path, size: str) -> Path:
+    """Write a two-hand model of published size with random weights, in shards, as `weights import` writes it."""
+    from afford.models.importing.source import INDEX
+    from afford.twohands.model.interface import ModelConfig, build
+    from afford.twohands.model.model_folder import config_json
+    from tests.twohands.test_model_sizes import write_backbones
+
+    config = ModelConfig(variant="vlm", size_px=(1024, 1024), hypotheses=1, backbones=str(write_backbones(root / "sizes", size)))
+    with torch.device("meta"):
+        model = build(config, 0, pretrained=False)
+    folder = root / "model"
+    for name, text in {**model.extra_files(), "config.json": config_json(config)}.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text)
+    names, weight_map = list(model.state_dict()), {}
+    for n, some in enumerate(names[at : at + 200] for at in range(0, len(names), 200)):
+        file = f"model-{n:05d}.safetensors"
+        shapes = {name: model.state_dict()[name].shape for name in some}
+        drawn = {name: torch.randn(shape, device="cuda", dtype=torch.bfloat16).mul_(0.02).cpu() for name, shape in shapes.items()}
+        save_file(drawn, folder / file)
+        weight_map |= dict.fromkeys(some, file)
+    (folder / INDEX).write_text(json.dumps({"weight_map": weight_map}))
+    return folder
+
+
+def lora(args: argparse.Namespace) -> Figures:
+    """One step of the paper's training of the 7B model: two samples, gradient checkpointing, AdamW over what is trained."""
+    from afford.twohands.model.interface import Batch, ModelConfig, Target, build
+    from afford.twohands.model.large import compute_buffers
+    from afford.twohands.model.losses import LossParams, losses
+    from tests.twohands.test_model_sizes import write_backbones
+
+    with TemporaryDirectory(dir=args.scratch) as scratch, torch.device("meta"):
+        folder = write_backbones(Path(scratch), "7b")
+        model = build(ModelConfig(variant="vlm", size_px=(1024, 1024), hypotheses=1, backbones=str(folder)), 0, pretrained=False)
+    model = on_device(model, torch.bfloat16)
+    compute_buffers(model)
+    model.to("cuda").train()
+    model.get_submodule("vlm").gradient_checkpointing_enable()
+    trained = [parameter for parameter in model.parameters() if parameter.requires_grad]
+    optimiser = torch.optim.AdamW(trained, lr=1e-5)
+    batch = Batch(torch.rand(2, 3, 1024, 1024, device="cuda"), ("pour tea", "open the jar"))
+    masks = torch.zeros(2, 2, 1024, 1024, device="cuda")
+    masks[:, :, 300:600, 300:600] = 1
+    target = Target(masks, torch.ones(2, 2, dtype=torch.bool, device="cuda"), torch.tensor([2, 1], device="cuda"))
+
+    def step() -> None:
+        losses(model(batch), target, LossParams())["total"].backward()
+        optimiser.step()
+        optimiser.zero_grad()
+
+    torch.cuda.reset_peak_memory_stats()
+    took = seconds(step, 3)
+    count = sum(parameter.numel() for parameter in trained)
+    return {"7B: one LoRA step, 2 samples, bfloat16, checkpointed": f"{took:.2f} s, {peak_gib()}, {count / 1e6:.0f} M trained"}
+
+
+def sor3d(args: argparse.Namespace) -> Figures:
+    """SOR3D-AFF at the paper's width; 22 ms a mask are published."""
+    from afford.rgbd.model.config import VARIANTS
+    from afford.rgbd.model.model import build
+    from benchmarks.bench_sor3d_speed import FRAMES, answers_ms, learned_per_s
+
+    torch.cuda.reset_peak_memory_stats()
+    model = build(VARIANTS["paper"](), 0).to("cuda").eval()
+    picture, video, _ = answers_ms(model, "cuda", 5)
+    rate, name = learned_per_s(model, "paper", "cuda"), "SOR3D-AFF, paper width"
+    return {f"{name}: a picture": f"{picture:.1f} ms", f"{name}: a video of {FRAMES} frames": f"{video:.1f} ms",
+            f"{name}: learned": f"{rate:.2f} sequences/s, {peak_gib()}"}  # fmt: skip
+
+
+def warp(args: argparse.Namespace) -> Figures:
+    """Physics of the Shadow hand and a tool in mujoco-warp; 252,938 FPS are published for 8,192 worlds on one L40."""
+    from afford.grasping.env.grasp_worlds import GraspWorlds
+    from afford.grasping.hand.assets import shadow_files
+    from benchmarks.bench_engines import Setting
+    from benchmarks.bench_grasp_env import TOOLS, tool
+    from stages.grasping import hand_model
+
+    hand, task, out = hand_model.run(shadow_files(), hand_model.Params()), tool(next(iter(TOOLS))), Figures()
+    for worlds in (4096, 8192):
+        core = GraspWorlds(hand, [task] * worlds, Setting("warp", 50, 1, worlds, "cuda").config())
+        rngs = [np.random.default_rng(k) for k in range(worlds)]
+        core.reset(range(worlds), rngs)
+        action = np.zeros((worlds, core.motors))
+        took = seconds(partial(core.step, action, rngs), 20)
+        out[f"mujoco-warp, {worlds:,} worlds"] = f"{worlds / took:,.0f} control steps of 50 ms a second"
+        core.close()
+    return out
+
+
+def decode(args: argparse.Namespace) -> Figures:
+    """Training of the variant small from a data set: share of the time in which the device is not waiting for pictures."""
+    from afford.common.files import tree
+    from afford.training.loop import SINGLE_PROCESS, accumulate_gradients, make_optimizer, prefetch
+    from stages.twohands import model_train
+
+    job = model_train._job(model_train.Params(device="cuda", steps=200, batch=32))  # the stage's own job
+    with TemporaryDirectory(dir=args.scratch) as scratch:
+        job.prepare({file.name: file.path for file in tree("set", args.dataset).files}, Path(scratch))
+        task = job.task(Path(scratch), 1)
+        model = task.model.to("cuda").train()
+        optimiser = make_optimizer(model, job.plan)
+
+        def step(batch: Any) -> None:
+            accumulate_gradients(lambda one: task.loss(model, one), [batch], model, SINGLE_PROCESS)
+            optimiser.step()
+            optimiser.zero_grad()
+
+        first = task.batch(0)
+        alone_s = seconds(lambda: step(first), 20)
+        out = {}
+        for workers in (1, 8):
+            batches = prefetch(task.batch, range(120), workers, 2 * workers)
+            step(next(batches))
+            torch.cuda.synchronize()
+            began = time.perf_counter()
+            for batch in batches:
+                step(batch)
+            torch.cuda.synchronize()
+            each = (time.perf_counter() - began) / 119
+            out[f"decoding ahead, {workers} threads, {len(first.task)} samples a step"] = (
+                f"{len(first.task) / each:.0f} samples/s, device busy {100 * min(alone_s / each, 1):.0f} %")
+    return out
+
+
+PARTS: dict[str, tuple[Callable[[argparse.Namespace], Figures], tuple[str, ...]]] = {
+    "sam2": (sam2, ("transformers",)), "vidm": (vidm, ("diffusers",)), "vlm-7b": (vlm("7b"), ("transformers", "peft")),
+    "vlm-13b": (vlm("13b"), ("transformers", "peft")), "lora": (lora, ("peft",)), "sor3d": (sor3d, ()),
+    "warp": (warp, ("mujoco", "mujoco_warp", "warp")), "decode": (decode, ("pyarrow",))}  # fmt: skip
+"""part -> measurement, packages that it needs"""
+
+
+def page(found: dict[str, Any]) -> str:
+    """Write the Markdown page."""
+    rows = [f"| {name} | {figure} | {part['card']} |" for part in found.values() for name, figure in part["figures"].items()]
+    missing = [name for name in PARTS if name not in found]
+    text = "Written by `benchmarks/bench_gpu.py`; random weights, medians after a warm-up, memory of torch alone."
+    left = [f"Not measured: {', '.join(missing)}."] if missing else []
+    table = ("| measured | figure | card |", "|---|---|---|", *rows)
+    return "\n".join(("# Large models on a GPU", "", text, "", *table, "", *left, ""))
+
+
+def main() -> None:
+    """Measure the parts that are asked for, each on its own."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("parts", nargs="*", default=list(PARTS))
+    parser.add_argument("--scratch", type=Path)
+    parser.add_argument("--dataset", type=Path, help="folder of a data set, for decode")
+    args = parser.parse_args()
+    if not torch.cuda.is_available():
+        raise SystemExit("bench_gpu needs a CUDA build of torch and a GPU; none is here")
+    found = json.loads(FIGURES.read_text()) if FIGURES.is_file() else {}
+    for name in args.parts:
+        work, needs = PARTS[name]
+        lacking = [package for package in needs if importlib.util.find_spec(package) is None]
+        if lacking or (name == "decode" and args.dataset is None):
+            print(f"{name}: left out, {', '.join(lacking) or '--dataset'} missing", flush=True)
+            continue
+        began = time.perf_counter()
+        found[name] = {"card": torch.cuda.get_device_name(), "figures": work(args)}
+        print(f"{name}: {time.perf_counter() - began:.0f} s, {found[name]['figures']}", flush=True)
+        torch.cuda.empty_cache()
+        FIGURES.write_text(json.dumps(found, indent=1) + "\n")
+        PAGE.write_text(page(found))
+
+
+if __name__ == "__main__":
+    main()
