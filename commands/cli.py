@@ -215,11 +215,15 @@ def inspect(
 
 @app.command()
 def params(stage: Annotated[str | None, typer.Argument(help="a stage, or a system; default: all")] = None,
+           set_: Sets = None,
+           diff: Annotated[str | None, typer.Option(help="paper: what differs from a paper's parameters")] = None,
            json: Json = False) -> None:  # fmt: skip
-    """List parameters with type, default and meaning."""
+    """List parameters with type, default and meaning, or those that differ from a paper's."""
     from commands.params import show
 
-    raise typer.Exit(show(stage, json))
+    if diff not in (None, "paper"):
+        raise UsageError(f"--diff {diff}: expected paper")
+    raise typer.Exit(show(stage, json, tuple(set_ or ()), diff == "paper"))
 
 
 @app.command("fetch-list")

@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from commands.errors import UsageError, unknown
-from maps.settings import PRESETS, SYSTEM_OF, Settings
+from maps.settings import MODES, PRESETS, SYSTEM_OF, Settings
 
 
 class Parameter(NamedTuple):
@@ -173,12 +173,15 @@ TRUE, FALSE = ("true", "yes", "on", "1"), ("false", "no", "off", "0")
 
 
 def settings(sets: Iterable[str], file: Path | None) -> Settings:
-    """Build the settings: defaults or the named preset, then the file, then each `--set` in order.
+    """Build the settings: defaults or the named preset with its mode, then the file, then each `--set` in order.
 
     UsageError for what does not exist or does not fit.
     """
     changes = [*_from_file(file), *(_split(word) for word in sets)]
     named = {change[0]: PRESETS[change] for change in changes if isinstance(change[2], str) and change in PRESETS}
+    for change in changes:
+        if isinstance(change[2], str) and change in MODES and change[0] in named:
+            named[change[0]] = dataclasses.replace(named[change[0]], **MODES[change])
     chosen = Settings.of(**named)
     for stage, name, value in changes:
         chosen = _change(chosen, stage, name, value)

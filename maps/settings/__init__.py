@@ -7,10 +7,12 @@ from typing import Any, NamedTuple
 
 from maps.settings.extraction import Extraction
 from maps.settings.grasping import Grasping
-from maps.settings.rgbd import PRESETS, Rgbd
+from maps.settings.rgbd import PRESETS as RGBD_PRESETS
+from maps.settings.rgbd import Rgbd
 from maps.settings.surface import Surface
 from maps.settings.synthetic import Synthetic
-from maps.settings.twohands import Twohands
+from maps.settings.twohands import MODES, Twohands
+from maps.settings.twohands import PRESETS as TWOHANDS_PRESETS
 from schemas.files import FileTree
 from schemas.scene import RenderedClip, SceneSpec
 
@@ -41,7 +43,9 @@ class Origin(NamedTuple):
         return dict(self.parts).get(part, self)
 
 
-__all__ = ["PRESETS", "SYSTEMS", "SYSTEM_OF", "Origin", "Settings"]
+PRESETS = {**TWOHANDS_PRESETS, **RGBD_PRESETS}
+"""(stage, parameter, value) -> defaults of all parameters of the stage when the parameter has this value"""
+__all__ = ["MODES", "PRESETS", "SYSTEMS", "SYSTEM_OF", "Origin", "Settings"]
 
 
 @dataclass(frozen=True)

@@ -41,7 +41,7 @@ class Params(Optimisation):
 
     variant: str = "small"
     """small (from random weights, on a CPU), lite (small on a pretrained image encoder), clip (2HAff-CLIP) or vlm
-    (2HandedAfforder)"""
+    (2HandedAfforder); the last two bring the paper's sizes, losses, rate, batch and schedule"""
     hypotheses: int = 1
     """regions predicted for each hand; 1, the paper's, has at least the IoU and mAP of 3, which covers more modes"""
     text: bool = True
@@ -85,7 +85,8 @@ class Params(Optimisation):
     zoom: float = 2.0
     """samples are cached at this many times the input size, so that crops stay sharp"""
     loss_mode: str = "paper"
-    """paper or code (docs/twohands/models.md): the mask loss of an idle hand, and the input of the taxonomy loss"""
+    """paper or code (docs/twohands/models.md): the mask loss of an idle hand, the input of the taxonomy loss, the state of [SEG];
+    with variant=clip or vlm, code also brings the released script's loss and rate"""
     mask_loss: str = "bce"
     """focal or bce; '' follows the mode (paper: focal); from random weights, bce learns faster"""
     mask_weight: float = 1.0
@@ -97,6 +98,19 @@ class Params(Optimisation):
     centre_weight: float = 1.0
     """small, lite: weight of the loss of the objects' position in the whole picture, which decides between left and right hand, but
     is not visible in a crop; 0 for the paper's losses"""
+    checkpointing: bool = False
+    """vlm: compute the activations of the language model again in the backward pass: less memory, more time"""
+
+
+VLM = Params(variant="vlm", height_px=1024, width_px=1024, steps=5000, batch=2, accumulate=10, lr=3e-4, warmup=100,
+             weight_decay=0.0, bf16=True, validate_every=500, coarse_share=0.0, balance=0.0, flip_share=0.0, crop_share=0.0,
+             stretch_share=0.0, colour_share=0.0, zoom=1.0, mask_loss="focal", mask_weight=2.0, dice_weight=0.5, object_weight=0.0,
+             centre_weight=0.0, checkpointing=True)  # fmt: skip
+"""parameters of the paper: ten epochs of 500 steps of LISA's recipe"""
+CLIP = replace(VLM, variant="clip", checkpointing=False)
+"""the same for 2HAff-CLIP"""
+CODE = {"loss_mode": "code", "mask_loss": "bce", "lr": 1e-3}
+"""parameters in which the released script differs from the paper"""
 
 
 def run(dataset: FileTree, params: Params, ctx: Context, recipe: Recipe | None = None,
@@ -131,7 +145,8 @@ def _job(p: Params, recipe: Recipe | None = None) -> TwoHandsJob:
     light = p.variant in LIGHT
     return TwoHandsJob(
         config=ModelConfig(variant=p.variant, hypotheses=p.hypotheses, text=p.text, decoders=p.decoders, backbones=p.backbones,
-                           size_px=(p.height_px, p.width_px if light else p.height_px), frozen=bool(p.backbones)),
+                           size_px=(p.height_px, p.width_px if light else p.height_px), frozen=bool(p.backbones),
+                           seg_state=p.loss_mode),
         plan=plan_of(p, _parallel(p, light)),
         loss=LossParams(mode=p.loss_mode, mask=p.mask_loss, mask_weight=p.mask_weight, dice_weight=p.dice_weight,
                         object_weight=p.object_weight, centre_weight=p.centre_weight),
@@ -139,7 +154,8 @@ def _job(p: Params, recipe: Recipe | None = None) -> TwoHandsJob:
         views=Augmentation(p.flip_share, p.crop_share, stretch_share=p.stretch_share, nameless_share=p.nameless_share,
                     colour_share=p.colour_share),
         coarse_share=p.coarse_share if light else 0.0,
-        batch=p.batch, balance=p.balance, val_samples=p.val_samples, zoom=p.zoom, target=p.target, seed=p.seed)  # fmt: skip
+        batch=p.batch, balance=p.balance, val_samples=p.val_samples, zoom=p.zoom, target=p.target, seed=p.seed,
+        checkpointing=p.checkpointing and p.variant == "vlm")  # fmt: skip
 
 
 def _parallel(p: Params, light: bool) -> int:

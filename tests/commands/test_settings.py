@@ -13,6 +13,7 @@ from afford.grasping.sim import engine
 from afford.rgbd.model.config import ROWS, VARIANTS
 from afford.twohands.model import interface
 from commands.errors import UsageError
+from commands.params import show
 from commands.settings import (
     CHOICES,
     SEQUENCES,
@@ -62,6 +63,27 @@ def test_a_variant_brings_its_schedule() -> None:
     before = settings(["sor3d_pretrain.variant=paper"], None).rgbd.sor3d_pretrain
     assert before.steps * before.batch == 50 * 160
     assert settings(["sor3d_train.variant=small"], None) == Settings()
+
+
+def test_one_word_brings_the_recipe_of_2handedafforder() -> None:
+    """Sizes, losses, rate, batch and schedule of the paper; `code` the released script's; explicit settings win."""
+    paper = settings(["model_train.variant=vlm"], None).twohands.model_train
+    assert (paper.height_px, paper.hypotheses, paper.batch * paper.accumulate, paper.steps, paper.lr) == (1024, 1, 20, 5000, 3e-4)
+    assert (paper.mask_loss, paper.mask_weight, paper.dice_weight, paper.object_weight) == ("focal", 2.0, 0.5, 0.0)
+    clip = settings(["model_train.variant=clip"], None).twohands.model_train
+    assert paper.checkpointing and paper.bf16 and not clip.checkpointing
+    code = settings(["model_train.lr=1", "model_train.loss_mode=code", "model_train.variant=vlm"], None).twohands.model_train
+    assert code == dataclasses.replace(paper, loss_mode="code", mask_loss="bce", lr=1.0)
+    small = settings(["model_train.loss_mode=code"], None).twohands.model_train
+    assert small == dataclasses.replace(Settings().twohands.model_train, loss_mode="code")
+
+
+def test_differences_from_the_paper(capsys: pytest.CaptureFixture[str]) -> None:
+    """`params --diff paper` lists what differs, nothing for the paper's own; a stage without a paper is a usage error."""
+    assert show("model_train", True, ("model_train.variant=vlm", "model_train.lr=0.5"), paper=True) == 0
+    assert json.loads(capsys.readouterr().out) == [{"stage": "model_train", "name": "lr", "chosen": 0.5, "paper": 3e-4}]
+    with pytest.raises(UsageError, match="no paper's parameters are known for key_thin"):
+        show("key_thin", False, (), paper=True)
 
 
 @pytest.mark.parametrize(

@@ -137,6 +137,8 @@ class TwoHandsJob:
     target: str
     """affordance or object"""
     seed: int
+    checkpointing: bool = False
+    """vlm: compute activations again in the backward pass"""
 
     def prepare(self, data: Mapping[str, Path], scratch: Path) -> None:
         """Decode the samples of both splits into a cache. ValueError for a split without samples."""
@@ -154,7 +156,10 @@ class TwoHandsJob:
         coarse = round(self.coarse_share * self.plan.steps) * self.plan.accumulate * processes
         batches = Batches(samples, sampler, self.views, input_size, self.batch, self.seed, coarse)
         validation = validation_batches(self.validation_samples(SampleCache(scratch / "val")), input_size, self.batch)
-        return TwoHandsTask(build(self.config, self.seed), batches, validation, self.loss, self.target, self.plan.device)
+        model = build(self.config, self.seed)
+        if self.checkpointing:
+            model.get_submodule("vlm").gradient_checkpointing_enable({"use_reentrant": False})  # type: ignore[operator]
+        return TwoHandsTask(model, batches, validation, self.loss, self.target, self.plan.device)
 
     def validation_samples(self, samples: Sequence[Item]) -> list[AugmentedSample]:
         """Evenly spaced samples, every second one cropped to its objects."""
