@@ -130,7 +130,7 @@ def published(root: Path, size: str) -> Path:
     from afford.models.importing.source import INDEX
     from afford.twohands.model.interface import ModelConfig, build
     from afford.twohands.model.model_folder import config_json
-    from tests.twohands.test_model_sizes import write_backbones
+    from tests.helpers.large_models import write_backbones
 
     config = ModelConfig(variant="vlm", size_px=(1024, 1024), hypotheses=1, backbones=str(write_backbones(root / "sizes", size)))
     with torch.device("meta"):
@@ -155,7 +155,7 @@ def lora(args: argparse.Namespace) -> Figures:
     from afford.twohands.model.interface import Batch, ModelConfig, Target, build
     from afford.twohands.model.large import compute_buffers
     from afford.twohands.model.losses import LossParams, losses
-    from tests.twohands.test_model_sizes import write_backbones
+    from tests.helpers.large_models import write_backbones
 
     with TemporaryDirectory(dir=args.scratch) as scratch, torch.device("meta"):
         folder = write_backbones(Path(scratch), "7b")
