@@ -92,7 +92,7 @@ def main() -> None:
     answer = json.loads((args.scratch / "found" / "predictions.json").read_text())["predictions"][0].get("answer", "")
     size = sum(path.stat().st_size for path in folder.glob("*.safetensors")) / 1e9
     text = (f"Written by `benchmarks/bench_large_cpu.py` on {os.cpu_count()} cores: {args.size.upper()} with SAM ViT-H, random "
-            f"weights in bfloat16, one picture with a generated answer of {len(answer)} characters (32 tokens at most).")  # fmt: skip
+            f"weights in bfloat16, one picture with a generated answer of {len(answer)} characters.")  # fmt: skip
     PAGE.write_text("\n".join((
         "# A large two-hand model on a CPU", "", text, "", "| model | files | minutes | anonymous memory | with mapped pages |",
         "|---|--:|--:|--:|--:|",

@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 LIBRARIES = ("numpy", "torch", "transformers", "tokenizers", "peft", "safetensors", "opencv-python-headless", "pyarrow", "h5py",
              "pycocotools", "blake3", "protobuf", "foxglove-schemas-protobuf", "mcap", "mcap-protobuf-support")  # fmt: skip
 THREADS = 2
-MEMORY_GIB = 2.0
-SCRATCH_GIB = 2.0
+MEMORY_GIB = 3.0
+SCRATCH_GIB = 0.5
 MACHINE = "bf16"  # a CPU without instructions for bfloat16 trains in single precision
 GPUS = ("device", "devices")
 

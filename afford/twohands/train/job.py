@@ -22,8 +22,9 @@ from afford.twohands.model.interface import ModelConfig, TwoHands, build
 from afford.twohands.model.losses import LossParams
 from afford.twohands.model.model_folder import save_model, vocabulary_of, write_vocabulary
 from afford.twohands.train.augment import Augmentation, AugmentedSample, benchmark_crop, uncropped
-from afford.twohands.train.sample_cache import SampleCache, write_cache
-from afford.twohands.train.samples import Split, read_split
+from afford.twohands.train.sample_cache import SampleCache
+from afford.twohands.train.sample_stream import SampleStream, label_rows, open_samples, write_samples
+from afford.twohands.train.samples import Split
 from afford.twohands.train.task import Batches, InputSize, TwoHandsTask, validation_batches
 from schemas.affordance import TAXONOMY
 from schemas.training import TrainingLog
@@ -141,21 +142,21 @@ class TwoHandsJob:
     """vlm: compute activations again in the backward pass"""
 
     def prepare(self, data: Mapping[str, Path], scratch: Path) -> None:
-        """Decode the samples of both splits into a cache. ValueError for a split without samples."""
+        """List the samples of both splits; they are decoded when they are needed. ValueError for a split without samples."""
         largest = tuple(round(side * self.zoom) for side in self.config.size_px)
         for name in ("train", "val"):
-            write_cache(read_split(data, self.division, name), scratch / name, (largest[0], largest[1]))
-            if not len(SampleCache(scratch / name)):
+            write_samples(data, self.division, name, scratch / name, (largest[0], largest[1]))
+            if not len(open_samples(scratch / name)):
                 raise ValueError(f"data set: expected samples in the part {name}, found none; choose another split_by or "
                                  "val_fraction")
 
     def task(self, scratch: Path, processes: int) -> TwoHandsTask:
         """Build a new model with its training and validation batches."""
-        samples, input_size = SampleCache(scratch / "train"), InputSize(self.config.size_px)
-        sampler = BalancedSampler([(row["verb"], row["taxonomy"]) for row in samples.rows], self.balance, self.seed)
+        samples, input_size = open_samples(scratch / "train"), InputSize(self.config.size_px)
+        sampler = BalancedSampler(list(label_rows(samples, "verb", "taxonomy")), self.balance, self.seed)
         coarse = round(self.coarse_share * self.plan.steps) * self.plan.accumulate * processes
         batches = Batches(samples, sampler, self.views, input_size, self.batch, self.seed, coarse)
-        validation = validation_batches(self.validation_samples(SampleCache(scratch / "val")), input_size, self.batch)
+        validation = validation_batches(self.validation_samples(open_samples(scratch / "val")), input_size, self.batch)
         model = build(self.config, self.seed)
         if self.checkpointing:
             model.get_submodule("vlm").gradient_checkpointing_enable({"use_reentrant": False})  # type: ignore[operator]
@@ -176,8 +177,8 @@ class TwoHandsJob:
     def save(self, model: nn.Module, folder: Path, scratch: Path) -> None:
         """Write the model and words.json, the vocabulary of the training split."""
         save_model(_own(model), folder)
-        rows = SampleCache(scratch / "train").rows
-        write_vocabulary(vocabulary_of((row["narration"], row["verb"], row["noun"]) for row in rows), folder)
+        rows = label_rows(open_samples(scratch / "train"), "narration", "verb", "noun")
+        write_vocabulary(vocabulary_of((task, verb, noun) for task, verb, noun in rows), folder)
 
     def card(self, name: str, dataset: Dataset, scratch: Path, model: nn.Module, curves: TrainingLog) -> str:
         """Return the model card, Markdown."""
@@ -199,12 +200,12 @@ class TwoHandsJob:
 
 def describe_splits(scratch: Path) -> dict[str, dict[str, Any]]:
     """Counts of samples, videos, verbs, nouns and taxonomy classes of both splits."""
-    return {name: _counts(SampleCache(scratch / name).rows) for name in ("train", "val")}
+    return {name: _counts(open_samples(scratch / name)) for name in ("train", "val")}
 
 
-def _counts(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    sets = {name: len({row[name] for row in rows}) for name in ("video", "verb", "noun")}
-    return {"samples": len(rows), **sets, "taxonomy": dict(sorted(Counter(row["taxonomy"] for row in rows).items()))}
+def _counts(samples: SampleStream | SampleCache) -> dict[str, Any]:
+    sets = {name: len(set(samples.column(name))) for name in ("video", "verb", "noun")}
+    return {"samples": len(samples), **sets, "taxonomy": dict(sorted(Counter(samples.column("taxonomy")).items()))}
 
 
 def _own(model: nn.Module) -> TwoHands:

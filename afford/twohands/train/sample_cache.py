@@ -67,8 +67,15 @@ def shrink(item: Item, largest_px: tuple[int, int]) -> Item:
     if scale == 1.0:
         return item
     size = max(1, round(width * scale)), max(1, round(height * scale))
-    masks = [cv2.resize(plane.view(np.uint8) * np.uint8(255), size, interpolation=cv2.INTER_AREA) > 127 for plane in item.masks]
-    return replace(item, image=cv2.resize(item.image, size, interpolation=cv2.INTER_AREA), masks=np.stack(masks))
+    masks = np.stack([_shrink_mask(plane, size) for plane in item.masks])
+    return replace(item, image=cv2.resize(item.image, size, interpolation=cv2.INTER_AREA), masks=masks)
+
+
+def _shrink_mask(plane: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    """Mask (h, w) bool at a smaller size (width, height): pixels that it covers by half."""
+    if not plane.any():
+        return np.zeros(size[::-1], bool)
+    return np.asarray(cv2.resize(plane.view(np.uint8) * np.uint8(255), size, interpolation=cv2.INTER_AREA) > 127)
 
 
 class SampleCache(Sequence[Item]):
@@ -80,6 +87,10 @@ class SampleCache(Sequence[Item]):
 
     def __len__(self) -> int:
         return len(self.rows)
+
+    def column(self, name: str) -> list[Any]:
+        """Label of every sample."""
+        return [row[name] for row in self.rows]
 
     def __getitem__(self, index: Any) -> Any:
         row = self.rows[index]

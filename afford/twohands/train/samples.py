@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import Any, Protocol
 
 import cv2
 import numpy as np
@@ -81,16 +81,17 @@ def _batches(name: PurePosixPath, path: Path) -> Iterable[pa.RecordBatch]:
     """Read the needed columns, some rows at a time. ValueError names missing columns."""
     if name.suffix == ".parquet":
         with open_shard(path, str(name)) as file:
-            wanted = _wanted(name, file.schema_arrow)
+            wanted = wanted_columns(name, file.schema_arrow)
             with damage_as_error(path, str(name)):
                 yield from file.iter_batches(64, columns=wanted, use_threads=False)
         return
     with pa.memory_map(str(path)) as source, pa.ipc.open_stream(source) as stream:
-        wanted = _wanted(name, stream.schema)
+        wanted = wanted_columns(name, stream.schema)
         yield from (batch.select(wanted) for batch in stream)
 
 
-def _wanted(name: PurePosixPath, schema: pa.Schema) -> list[str]:
+def wanted_columns(name: PurePosixPath, schema: pa.Schema) -> list[str]:
+    """Columns of a table that a training reads. ValueError names those that are missing."""
     missing = [column for column in NEEDED if column not in schema.names]
     if missing:
         raise ValueError(f"{name}: expected the columns {', '.join(NEEDED)}, found no {', '.join(missing)}; rename the "
@@ -185,7 +186,23 @@ def read_split(files: Files, division: Split, name: str) -> Iterator[Item]:
                 yield item
 
 
-def group_of(item: Item, by: str) -> str:
+class Grouped(Protocol):
+    """Labels that a division needs of a sample."""
+
+    @property
+    def sample_id(self) -> str:
+        """Name of the sample."""
+
+    @property
+    def video(self) -> str:
+        """Its video."""
+
+    @property
+    def noun(self) -> str:
+        """Its object."""
+
+
+def group_of(item: Grouped, by: str) -> str:
     """Group of a sample, which is in one split only: its video or noun. ValueError when the data set lacks it."""
     label = item.video if by == VIDEO else item.noun
     if not label:
