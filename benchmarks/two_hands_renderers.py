@@ -251,7 +251,8 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=2400)
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--encoder", type=lambda text: Path(text).absolute(), default=default_encoder())
-    parser.add_argument("--tests", type=lambda text: text.split(","), default=list(TESTS), help="score on these; all write the page")
+    parser.add_argument("--tests", type=lambda text: text.split(","), default=list(TESTS),
+                        help="score on these; all of them write the page")
     parser.add_argument("--only", type=lambda text: text.split(","), default=[])
     parser.add_argument("--at-once", type=int, default=1)
     args = parser.parse_args()

@@ -15,6 +15,7 @@ from transformers import CLIPConfig, CLIPModel, LlavaConfig, SamConfig
 from afford.models.importing.source import open_source
 from afford.models.importing.write import check_fit, write_model
 from afford.models.tokens import FileTokens
+from afford.twohands.model import large
 from afford.twohands.model.interface import Batch, ModelConfig, TwoHands, build
 from afford.twohands.model.model_folder import load_model
 from afford.twohands.model.predictor import Predictor
@@ -108,6 +109,18 @@ def test_half_precision_is_kept(checkpoint: Path, tmp_path: Path) -> None:
     assert {parameter.dtype for parameter in load_model(folder, "float32").parameters()} == {torch.float32}
     found = Predictor(folder).predict(np.zeros((50, 70, 3), np.uint8), "open jar")
     assert np.isfinite(found.probability).all() and found.probability.dtype == np.float32
+
+
+def test_too_little_memory_is_said_before_loading(checkpoint: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Another type than that of the files takes memory of its own; mapped weights take none."""
+    folder = bring(checkpoint, tmp_path / "model", torch.bfloat16)
+    assert (large.free_bytes("cpu") or 1) > 0
+    monkeypatch.setattr(large, "free_bytes", lambda device: 1000)
+    assert load_model(folder).config.variant == "vlm"
+    with pytest.raises(ValueError, match=r"it needs \d\.\d GiB on cpu in float32, and 0\.0 GiB are free; leave --dtype out"):
+        load_model(folder, "float32")
+    with pytest.raises(ValueError, match=r"on cuda in the type of its files, .*; use --dtype bfloat16, or --device cpu"):
+        load_model(folder, device="cuda")
 
 
 def test_one_bad_tensor_is_named(checkpoint: Path, tmp_path: Path) -> None:

@@ -70,7 +70,7 @@ class Predictor:
         vocabulary reads unknown words of tasks as known ones (`stand_ins.read_task`). `dtype` is the number type of a folder's
         weights (`load_model`).
         """
-        loaded = model if isinstance(model, TwoHands) else load_model(Path(model), dtype)
+        loaded = model if isinstance(model, TwoHands) else load_model(Path(model), dtype, device)
         self.model, self.device = loaded.to(device).eval(), device
         self.mirror = mirror and loaded.config.variant != "vlm"
         self.words = None if isinstance(model, TwoHands) else read_vocabulary(locate_files(Path(model)))
