@@ -111,7 +111,7 @@ def test_half_precision_is_kept(checkpoint: Path, tmp_path: Path) -> None:
     assert np.isfinite(found.probability).all() and found.probability.dtype == np.float32
 
 
-def test_too_little_memory_is_said_before_loading(checkpoint: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_memory_is_checked_before_loading(checkpoint: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Another type than that of the files takes memory of its own; mapped weights take none."""
     folder = bring(checkpoint, tmp_path / "model", torch.bfloat16)
     assert (large.free_bytes("cpu") or 1) > 0

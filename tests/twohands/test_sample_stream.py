@@ -50,7 +50,7 @@ def equal(one: Item, other: Item) -> bool:
 @pytest.mark.parametrize("part", ["train", "val"])
 @pytest.mark.parametrize("by", ["given", "video", "object"])
 def test_streamed_samples_are_those_of_the_cache(data: Files, tmp_path: Path, by: str, part: str) -> None:
-    """All samples, in any order, twice; their labels; for every way to divide."""
+    """Samples in any order, twice; their labels; for every way to divide."""
     cached, streamed = both(data, tmp_path, Split(by, 0.4, 1), part)
     assert len(cached) == len(streamed) > 0
     order = np.random.default_rng(0).permutation(len(cached)).tolist()
@@ -96,7 +96,7 @@ def test_no_decoded_copy_is_written(data: Files, tmp_path: Path) -> None:
 
 
 def test_memory_is_bounded(data: Files, tmp_path: Path) -> None:
-    """With room for two samples and one group, everything is read again, and is the same."""
+    """Samples are read again with room for two of them and one group, and are the same."""
     cached, _ = both(data, tmp_path, Split(), "train")
     small = SampleStream(tmp_path / "stream" / "train", encoded_bytes=1, decoded_bytes=2 * 40 * 64 * 4)
     for n in (*range(len(small)), *range(len(small))):
@@ -141,7 +141,7 @@ def test_damage_is_named(data: Files, tmp_path: Path) -> None:
         list(open_samples(tmp_path / "index"))
 
 
-def test_a_picture_that_is_none_is_named(data: Files, tmp_path: Path) -> None:
+def test_undecodable_pictures_are_named(data: Files, tmp_path: Path) -> None:
     """The sample is in the error, when it is read."""
     table = pq.read_table(next(path for name, path in data.items() if "train" in name and name.endswith(".parquet"))).slice(0, 2)
     rows = table.to_pylist()
