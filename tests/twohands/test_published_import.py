@@ -12,12 +12,13 @@ from safetensors.torch import save_file
 from torch import Tensor
 from transformers import CLIPConfig, CLIPModel, LlavaConfig, SamConfig
 
+from afford.models.importing import write
 from afford.models.importing.source import open_source
-from afford.models.importing.write import check_fit, write_model
+from afford.models.importing.write import check_fit, damaged, write_model
 from afford.models.tokens import FileTokens
 from afford.twohands.model import large
 from afford.twohands.model.interface import Batch, ModelConfig, TwoHands, build
-from afford.twohands.model.model_folder import load_model
+from afford.twohands.model.model_folder import find_model, load_model
 from afford.twohands.model.predictor import Predictor
 from afford.twohands.model.published import import_2haff, import_lisa
 from afford.twohands.model.vlm import Vlm, question
@@ -109,6 +110,22 @@ def test_half_precision_is_kept(checkpoint: Path, tmp_path: Path) -> None:
     assert {parameter.dtype for parameter in load_model(folder, "float32").parameters()} == {torch.float32}
     found = Predictor(folder).predict(np.zeros((50, 70, 3), np.uint8), "open jar")
     assert np.isfinite(found.probability).all() and found.probability.dtype == np.float32
+
+
+def test_shards_are_one_model(checkpoint: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A model in several files is found and loaded as the one in a single file, with or without its record."""
+    whole = bring(checkpoint, tmp_path / "whole")
+    monkeypatch.setattr(write, "SHARD_BYTES", 100_000)
+    parts = bring(checkpoint, tmp_path / "parts")
+    assert len(list(parts.glob("model-*.safetensors"))) > 2 and not damaged(parts)
+    one, other = load_model(whole).state_dict(), load_model(parts).state_dict()
+    assert all(torch.equal(one[name], tensor) for name, tensor in other.items())
+    recorded = find_model(parts).digest
+    (parts / "weights.json").unlink()
+    assert len({recorded, find_model(parts).digest, find_model(whole).digest}) == 3
+    next(parts.glob("model-*.safetensors")).unlink()
+    with pytest.raises(ValueError, match="files are missing"):
+        load_model(parts)
 
 
 def test_memory_is_checked_before_loading(checkpoint: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

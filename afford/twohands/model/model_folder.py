@@ -17,7 +17,7 @@ from safetensors.torch import load_file
 
 from afford.common.errors import SourceError
 from afford.common.text import swap_sides
-from afford.models.importing.source import INDEX, RECORD
+from afford.models.importing.source import INDEX, RECORD, shards
 from afford.models.loading import CONFIG, WEIGHTS, dtype_of, fill_weights, write_model
 from afford.models.word_vectors import split_words
 from afford.twohands.model.interface import ModelConfig, TwoHands, build
@@ -182,6 +182,6 @@ def _digest(place: Path) -> str:
     if record.is_file():  # it has the digests of all files, which may be tens of gigabytes
         return blake3(record.read_bytes()).hexdigest()
     digest = blake3()
-    for name in (CONFIG, WEIGHTS):
-        digest.update_mmap(place / name)
+    for path in (place / CONFIG, *(shards(place / INDEX) if (place / INDEX).is_file() else [place / WEIGHTS])):
+        digest.update_mmap(path)
     return digest.hexdigest()
