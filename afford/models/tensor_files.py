@@ -80,12 +80,12 @@ def map_safetensors(path: Path) -> dict[str, Tensor]:
         header = json.loads(file.read(length))
     start = LENGTH.size + length
     if path.stat().st_size == start:
-        return {name: _mapped(np.zeros(0, np.uint8), header[name], 0, path) for name in sorted(names)}
+        return {name: _mapped(np.zeros(0, np.uint8), header[name], 0) for name in sorted(names)}
     data = np.memmap(path, np.uint8, "c")
-    return {name: _mapped(data, header[name], start, path) for name in sorted(names)}
+    return {name: _mapped(data, header[name], start) for name in sorted(names)}
 
 
-def _mapped(data: np.ndarray, entry: dict[str, Any], start: int, path: Path) -> Tensor:
+def _mapped(data: np.ndarray, entry: dict[str, Any], start: int) -> Tensor:
     if entry["dtype"] not in SAFE_DTYPES:
         raise ValueError(f"got numbers of type {entry['dtype']}; save it with one of {', '.join(SAFE_DTYPES)}")
     first, last = entry["data_offsets"]

@@ -13,7 +13,7 @@ import argparse
 import json
 import re
 import subprocess
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -26,6 +26,7 @@ from torch import Tensor
 from afford.models.shipped import CARD, FOLDER, FORMAT, MEASURED, RECORD, file_digest, read_record
 from benchmarks.pages import ROOT, head
 from benchmarks.shipped.recipes import RECIPES, Recipe
+from benchmarks.two_hands_renderers import joined
 from commands.progress import observer
 from commands.session import CODEC, WORKER, digester, open_runner
 from runner import Graph, Runner
@@ -65,15 +66,6 @@ def run(runner: Runner, graph: Graph, target: str) -> tuple[FileTree, str, Any]:
     return runner.load(digest), digest, report
 
 
-def joined(sets: Sequence[FileTree]) -> FileTree | None:
-    """Join data sets: files of the first, and samples of the others; None for none."""
-    if not sets:
-        return None
-    more = (replace(file, name=f"more{n}/{file.name}") for n, one in enumerate(sets[1:], 1) for file in one.files
-            if file.name.endswith(".parquet"))  # fmt: skip
-    return FileTree(sets[0].name, tuple(sorted((*sets[0].files, *more), key=lambda file: file.name)))
-
-
 def stale(names: list[str]) -> Iterator[tuple[str, list[str]]]:
     """Yield shipped models and the stages whose code differs from the one that made them."""
     for name in names:
@@ -88,7 +80,7 @@ def made(name: str, recipe: Recipe, runner: Runner) -> tuple[FileTree, dict[str,
     """Train a model; its files, and the facts of its record. SystemExit where a stage failed."""
     digest = digester(runner)
     stills = [run(runner, graph, "stills")[0] for graph in recipe.still_graphs(digest)]
-    graph = recipe.graph(digest, joined(stills))
+    graph = recipe.graph(digest, joined(stills) if stills else None)
     files, output, report = run(runner, graph, "trained")
     stage = graph.stages()[-1].name
     command = f"PYTHONPATH=. python benchmarks/shipped/ship.py {name}{' --photographs DIR' if recipe != RECIPES[name] else ''}"

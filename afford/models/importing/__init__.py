@@ -7,7 +7,7 @@ configs as text, and tensors under the names of the model, with the shapes that 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from torch import Tensor, nn
@@ -37,12 +37,13 @@ class Imported:
     """the model is read from one file, however large"""
     counted: int = 0
     """parameters of the published model, where they are not those of `expected`"""
-    notes: tuple[str, ...] = field(default=())
+    notes: tuple[str, ...] = ()
     """sentences for its user"""
 
 
 Kind = Callable[[Source], Imported]
 """reader of one kind of checkpoint; ValueError, one sentence, where it is another one"""
+
 
 def shapes_of(model: nn.Module) -> dict[str, Tensor]:
     """Names and shapes of the tensors of a model on the device meta."""

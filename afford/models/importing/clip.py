@@ -82,15 +82,15 @@ def _of_block(block: str, rest: str, tensor: Tensor) -> Iterator[tuple[str, Tens
     yield block + rest, tensor
 
 
-def tower_sizes(given: Mapping[str, Tensor], prefix: str, own: Mapping[str, Any]) -> dict[str, Any]:
-    """Fields of the config of an image tower, from tensors below `prefix`; `own`: fields of a config.json, which decide heads."""
+def tower_sizes(given: Mapping[str, Tensor], prefix: str) -> dict[str, Any]:
+    """Fields of the config of an image tower, from tensors below `prefix`."""
     patches = need(given, f"{prefix}embeddings.patch_embedding.weight", WHAT)
     places = need(given, f"{prefix}embeddings.position_embedding.weight", WHAT)
     width, patch = int(patches.shape[0]), int(patches.shape[-1])
     inner = need(given, f"{prefix}encoder.layers.0.mlp.fc1.weight", WHAT)
     return {"hidden_size": width, "patch_size": patch, "image_size": patch * round((len(places) - 1) ** 0.5),
             "intermediate_size": int(inner.shape[0]), "num_hidden_layers": leading(given, f"{prefix}encoder.layers.*."),
-            "num_attention_heads": own.get("num_attention_heads", max(width // HEAD_WIDTH, 1))}  # fmt: skip
+            "num_attention_heads": max(width // HEAD_WIDTH, 1)}  # fmt: skip
 
 
 def clip_sizes(given: Mapping[str, Tensor]) -> dict[str, Any]:
@@ -103,5 +103,5 @@ def clip_sizes(given: Mapping[str, Tensor]) -> dict[str, Any]:
             "max_position_embeddings": len(places), "num_hidden_layers": leading(given, "text_model.encoder.layers.*."),
             "num_attention_heads": max(int(width) // HEAD_WIDTH, 1), "bos_token_id": len(words) - 2, "eos_token_id": len(words) - 1,
             "projection_dim": int(out)}  # fmt: skip
-    return {"text_config": text, "vision_config": tower_sizes(given, "vision_model.", {}) | {"projection_dim": int(out)},
+    return {"text_config": text, "vision_config": tower_sizes(given, "vision_model.") | {"projection_dim": int(out)},
             "projection_dim": int(out)}  # fmt: skip

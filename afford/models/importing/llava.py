@@ -59,9 +59,14 @@ def llava_names(given: Mapping[str, Tensor]) -> Iterator[tuple[str, Tensor]]:
     for name, tensor in given.items():
         if IGNORED.search(name) or CLIP_ONLY.match(name):
             continue
-        for pattern, replacement in PLACES:
-            name = re.sub(pattern, replacement, name)
-        yield name, tensor
+        yield llava_name(name), tensor
+
+
+def llava_name(name: str) -> str:
+    """Name in `transformers` of a published tensor."""
+    for pattern, replacement in PLACES:
+        name = re.sub(pattern, replacement, name)
+    return name
 
 
 def language_fields(source: Source) -> dict[str, Any]:
@@ -73,11 +78,8 @@ def language_fields(source: Source) -> dict[str, Any]:
     return {name: own[name] for name in kept if own.get(name) is not None}
 
 
-def llava_sizes(given: Mapping[str, Tensor], prefix: str, own: Mapping[str, Any], layer: str = "") -> dict[str, Any]:
-    """Fields of a LlavaConfig from tensors below `prefix`; `own`: fields of a config.json. ValueError for another model.
-
-    `layer` stands between the name of an adapted projection and `.weight`.
-    """
+def llava_sizes(given: Mapping[str, Tensor], prefix: str, own: Mapping[str, Any]) -> dict[str, Any]:
+    """Fields of a LlavaConfig from tensors below `prefix`; `own`: fields of a config.json. ValueError for another model."""
     if f"{prefix}vision_tower.embeddings.patch_embedding.weight" not in given:
         raise ValueError(NO_TOWER)
     rows, width = need(given, f"{prefix}language_model.embed_tokens.weight", WHAT).shape
@@ -88,5 +90,5 @@ def llava_sizes(given: Mapping[str, Tensor], prefix: str, own: Mapping[str, Any]
             "num_hidden_layers": leading(given, f"{prefix}language_model.layers.*."), "num_attention_heads": heads,
             "num_key_value_heads": int(keys.shape[0]) * heads // int(width), "rms_norm_eps": 1e-5,
             "max_position_embeddings": 4096, "pad_token_id": 0, "bos_token_id": 1, "eos_token_id": 2} | dict(own)  # fmt: skip
-    tower = {"model_type": "clip_vision_model", **tower_sizes(given, f"{prefix}vision_tower.", {}), "projection_dim": 768}
+    tower = {"model_type": "clip_vision_model", **tower_sizes(given, f"{prefix}vision_tower."), "projection_dim": 768}
     return {"text_config": text, "vision_config": tower}

@@ -40,11 +40,6 @@ class Source:
     folders: tuple[Path, ...]
     """folders of the files, in which configs and tokenizers are looked for"""
 
-    @property
-    def largest_bytes(self) -> int:
-        """Size of the largest file of tensors."""
-        return max(path.stat().st_size for path in self.files)
-
     def config(self, wanted: str = "") -> dict[str, Any]:
         """Read the first config.json beside the tensors whose model_type contains `wanted`; empty without one.
 

@@ -19,7 +19,7 @@ from torch import Tensor, nn
 from transformers import LlavaConfig, LlavaForConditionalGeneration, SamConfig, SamModel
 
 from afford.models.importing import Imported, shapes_of
-from afford.models.importing.llava import CLIP_ONLY, language_fields, llava_sizes
+from afford.models.importing.llava import CLIP_ONLY, language_fields, llava_name, llava_sizes
 from afford.models.importing.sam import config_text, sam_name, sam_sizes, sam_title
 from afford.models.importing.source import Source, open_source
 from afford.models.loading import fill_weights
@@ -34,17 +34,6 @@ MAY_STAY = re.compile(r"\.lora_[AB]\.|^vlm\.model\.vision_tower\.|^regions\.taxo
 """tensors of the model that a released checkpoint may lack"""
 GROWS = ("vlm.model.language_model.embed_tokens.weight", "vlm.lm_head.weight")
 """released vocabularies have no row for <image>, which is not used; the model has this row last"""
-
-RENAMED = (
-    (r"^lm_head\.", "vlm.lm_head."),
-    (r"^model\.text_hidden_fcs\.0\.", "project."),
-    (r"^model\.mm_projector\.0\.", "vlm.model.multi_modal_projector.linear_1."),
-    (r"^model\.mm_projector\.2\.", "vlm.model.multi_modal_projector.linear_2."),
-    (r"^model\.vision_tower\.vision_tower\.vision_model\.", "vlm.model.vision_tower."),
-    (r"^model\.(?=(layers|embed_tokens|norm)\.)", "vlm.model.language_model."),
-    (r"^vision_model\.", "vlm.model.vision_tower."),
-)  # fmt: skip
-"""(pattern, replacement), applied one after the other"""
 
 
 def load_published(model: TwoHands, path: Path) -> list[str]:
@@ -72,8 +61,9 @@ HANDS = (
     (r"^taxonomy\.layers\.1\.", "taxonomy.layers.0."),
     (r"^taxonomy\.layers\.2\.", "taxonomy.proj_out."),
 )
-"""the same for SAM's part; the name of the taxonomy head is not documented, so any name with taxonomy or class is accepted"""
-SAM = "model.visual_model."
+"""(pattern, replacement), one after the other, for SAM's part; the name of the taxonomy head is not documented, so any name with
+taxonomy or class is accepted"""
+SAM, PROJECTION = "model.visual_model.", "model.text_hidden_fcs.0."
 
 
 def our_names(name: str, decoders: int = 2) -> list[str]:
@@ -85,18 +75,20 @@ def our_names(name: str, decoders: int = 2) -> list[str]:
         return [one for side in sides for one in our_names(name.replace(".mask_decoder.", f".mask_decoder_{side}."), decoders)]
     name = re.sub(r"^base_model\.model\.", "", name)
     if name.startswith(SAM):
-        return ["regions." + sam_name(_renamed(name.removeprefix(SAM), HANDS))]
-    name = _renamed(name, RENAMED)
+        name = name.removeprefix(SAM)
+        for pattern, replacement in HANDS:
+            name = re.sub(pattern, replacement, name)
+        return ["regions." + sam_name(name)]
+    if name.startswith(PROJECTION):
+        return ["project." + name.removeprefix(PROJECTION)]
+    placed = llava_name(name)
+    if placed == name and not name.startswith("lm_head."):
+        return [name]  # unknown: the error gives it as the file has it
+    name = f"vlm.{placed}"
     return [name if ".vision_tower." in name else ADAPTED.sub(r".\1.base_layer.weight", name)]
 
 
 ADAPTED = re.compile(r"\.(q_proj|v_proj)\.weight$")
-
-
-def _renamed(name: str, table: tuple[tuple[str, str], ...]) -> str:
-    for pattern, replacement in table:
-        name = re.sub(pattern, replacement, name)
-    return name
 
 
 def read_weights(path: Path) -> dict[str, Tensor]:

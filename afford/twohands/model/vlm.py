@@ -176,7 +176,8 @@ class Vlm(TwoHands):
 
     def _regions(self, image: Tensor, prompt: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Regions of images (b, 3, H, W) 0..1, in the number type of the weights."""
-        found: tuple[Tensor, Tensor, Tensor] = self.regions(normalised(image).to(prompt.dtype), prompt)
+        dtype = next(self.regions.parameters()).dtype
+        found: tuple[Tensor, Tensor, Tensor] = self.regions(normalised(image).to(dtype), prompt)
         return found
 
     def extra_files(self) -> dict[str, str]:
