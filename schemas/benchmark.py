@@ -74,6 +74,7 @@ class Prediction(Schema):
     hands: np.ndarray = array("2", "bool", "which hands (left, right) are returned after selection")
     threshold: float = value("a pixel belongs to the region where its probability is above this")
     answer: str = value("text that a language model generated; '' for other models", default="")
+    calibration: tuple[float, float] = value("slope and offset that calibrated the logits of the model", default=(1.0, 0.0))
 
     def mask(self, side: int | str) -> np.ndarray:
         """Return the top-ranked region (h, w) bool of a hand (0 or 'left', 1 or 'right'); empty when the hand is not selected."""

@@ -3,6 +3,7 @@
     python install/cycles.py                                     # once, for the two-hand model
     PYTHONPATH=. python benchmarks/shipped/ship.py [NAME ...] [--store DIR] [--photographs DIR]
     PYTHONPATH=. python benchmarks/shipped/ship.py --check       # name the models whose code has changed since; always exit code 0
+    PYTHONPATH=. python benchmarks/shipped/ship.py --calibrate   # validate the shipped two-hand model, and set what that decides
 
 Trainings are cached and resumable. Figures of the cards are written by benchmarks/shipped/score.py, out of the shipped files.
 """
@@ -146,6 +147,34 @@ def write(name: str, runner: Runner, recipe: Recipe) -> int:
     return sum(path.stat().st_size for path in (FOLDER / name).rglob("*") if path.is_file())
 
 
+def with_photographs(recipe: Recipe, folder: Path | None) -> Recipe:
+    """Recipe whose path-traced stills have surfaces of photographs in a folder."""
+    shown = (f"still_render.photographs={folder}",) if folder else ()
+    return replace(recipe, stills=tuple((*sets, *shown) if CYCLES in sets else sets for sets in recipe.stills))
+
+
+def calibrate(runner: Runner, recipe: Recipe) -> None:
+    """Set calibration and threshold of the shipped two-hand model, as the end of a training does; its weights stay."""
+    from afford.twohands.model.model_folder import config_json, load_model
+    from afford.twohands.train.job import calibrated_config
+    from stages.twohands.model_train import _job
+
+    folder, digest = FOLDER / "twohands", digester(runner)
+    data = joined([run(runner, graph, "stills")[0] for graph in recipe.still_graphs(digest)])
+    job = _job(recipe.graph(digest, data).stages()[-1].params)
+    with TemporaryDirectory() as scratch:
+        job.prepare({file.name: file.path for file in data.files}, Path(scratch))
+        task = job.task(Path(scratch), 1)
+        task.model = load_model(folder)
+        with torch.inference_mode():
+            found = task.validate()
+    (folder / "config.json").write_text(config_json(calibrated_config(task.model.config, found)), encoding="utf-8")
+    record = read_record(folder)
+    record["files"]["config.json"], record["calibrated"] = file_digest(folder / "config.json"), head()
+    (folder / RECORD).write_text(json.dumps(record, indent=1, sort_keys=True) + "\n", encoding="utf-8")
+    print(json.dumps(found, indent=1))
+
+
 def main() -> None:
     """Train what is asked for, or check all."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -153,6 +182,7 @@ def main() -> None:
     parser.add_argument("--store", type=Path)
     parser.add_argument("--photographs", type=lambda text: Path(text).absolute(), help="photographs of surfaces, for twohands")
     parser.add_argument("--check", action="store_true")
+    parser.add_argument("--calibrate", action="store_true")
     parser.add_argument("--jobs", type=int)
     args = parser.parse_args()
     names = args.names or list(RECIPES)
@@ -163,11 +193,11 @@ def main() -> None:
     if subprocess.run(("git", "diff", "--quiet", "HEAD"), cwd=ROOT).returncode:
         raise SystemExit("commit first: a card names the commit that made its model")
     runner = open_runner(args.store, jobs=args.jobs)
+    if args.calibrate:
+        calibrate(runner, with_photographs(RECIPES["twohands"], args.photographs))
+        return
     for name in names:
-        recipe = RECIPES[name]
-        if name == "twohands" and args.photographs:
-            shown = f"still_render.photographs={args.photographs}"
-            recipe = replace(recipe, stills=tuple((*sets, shown) if CYCLES in sets else sets for sets in recipe.stills))
+        recipe = with_photographs(RECIPES[name], args.photographs) if name == "twohands" else RECIPES[name]
         print(f"{name}: {write(name, runner, recipe) / 1e6:.1f} MB", flush=True)
     total = sum(path.stat().st_size for path in FOLDER.rglob("*") if path.is_file())
     if total > MAX_TOTAL_BYTES:

@@ -17,6 +17,7 @@ from afford.recording.check_file import check_file
 from afford.recording.mcap_files import EPOCH_NS, open_recording
 from afford.training import curves, train
 from afford.training.job import read_job
+from afford.twohands.model.calibration import calibrated
 from afford.twohands.model.interface import build
 from afford.twohands.model.model_folder import save_model
 from afford.twohands.model.predictor import Predictor
@@ -68,9 +69,11 @@ def test_the_saved_model_predicts(trained: Trained, tmp_path: Path) -> None:
         (tmp_path / file.name.removeprefix("model/")).write_bytes(file.path.read_bytes())
     predictor = Predictor(tmp_path)
     found = predictor.predict(np.zeros((50, 80, 3), np.uint8), "open jar")
-    thresholds = {curve.name: curve for curve in trained.log.curves}["val.threshold"]
+    curves = {curve.name: curve.value[curve.step == trained.log.best_step] for curve in trained.log.curves}
+    at = curves["val.slope"][0], curves["val.offset"][0]
     assert found.probability.shape == (2, 1, 50, 80)
-    assert found.threshold == thresholds.value[thresholds.step == trained.log.best_step][0]
+    assert found.calibration == at
+    assert found.threshold == round(calibrated(curves["val.threshold"][0], at), 4)
 
 
 def test_the_vocabulary_is_that_of_the_training_split(dataset: FileTree, trained: Trained) -> None:

@@ -13,6 +13,7 @@ from afford.dataset import act_affordance
 from afford.twohands.benchmark import predictions_file
 from afford.twohands.benchmark.cases import Size, grey, resize_mask
 from afford.twohands.benchmark.compat import Grey
+from afford.twohands.model.calibration import calibrated
 from afford.twohands.model.hand_selection import hand_probabilities
 from schemas.benchmark import Case, Prediction
 from schemas.files import FileRef, FileTree
@@ -130,7 +131,11 @@ def nothing(size: Size, levels: tuple[float, ...]) -> Answer:
 
 
 def of_prediction(prediction: Prediction, size: Size, levels: tuple[float, ...], proposals: int) -> Answer:
-    """Answer of probabilities, resized bilinearly to the grid and cut there, with up to `proposals` proposals."""
+    """Answer of probabilities, resized bilinearly to the grid and cut there, with up to `proposals` proposals.
+
+    `levels` are probabilities of the model itself, as in the released script, so calibration does not move mAP.
+    """
+    levels = tuple(calibrated(level, prediction.calibration) for level in levels)
     fine = _resize(prediction.probability, size)
     first = [int(rank) for rank in prediction.score.argmax(axis=1)]
     best = np.stack([fine[side, first[side]] for side in range(2)])

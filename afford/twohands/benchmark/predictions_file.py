@@ -24,6 +24,7 @@ SCHEMA = pa.schema([
     pa.field("taxonomy", pa.list_(pa.float32()), metadata={"doc": "left, right, both_same, both_different; NaN: it tells none"}),
     pa.field("hands", pa.list_(pa.bool_()), metadata={"doc": "which hands are returned"}),
     pa.field("threshold", pa.float64(), metadata={"doc": "the method's own"}),
+    pa.field("calibration", pa.list_(pa.float64()), metadata={"doc": "slope and offset that calibrated the logits"}),
 ])  # fmt: skip
 
 
@@ -41,7 +42,7 @@ def _row(case_id: str, prediction: Prediction) -> dict[str, object]:
         "probability": np.rint(prediction.probability * np.float32(255)).astype(np.uint8).tobytes(),
         "score": prediction.score.reshape(-1).tolist(), "taxonomy": prediction.taxonomy.tolist(),
         "hands": prediction.hands.tolist(),
-        "threshold": prediction.threshold,
+        "threshold": prediction.threshold, "calibration": list(prediction.calibration),
     }  # fmt: skip
 
 
@@ -63,5 +64,6 @@ class PredictionFile:
         row = self._file.read_row_group(self._row[case_id], use_threads=False).to_pylist()[0]
         shape = 2, row["hypotheses"], row["height"], row["width"]
         probability = np.frombuffer(row["probability"], np.uint8).reshape(shape) / np.float32(255)
-        return Prediction(row["task"], probability, np.array(row["score"], np.float32).reshape(shape[:2]),
-                          np.array(row["taxonomy"], np.float32), np.array(row["hands"], bool), row["threshold"])
+        score = np.array(row["score"], np.float32).reshape(shape[:2])
+        return Prediction(row["task"], probability, score, np.array(row["taxonomy"], np.float32), np.array(row["hands"], bool),
+                          row["threshold"], calibration=tuple(row["calibration"]))

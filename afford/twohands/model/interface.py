@@ -55,7 +55,9 @@ class ModelConfig:
     seg_state: str = "paper"
     """vlm: paper = the hidden state of [SEG] itself; code = the state before it, as in the released code"""
     threshold: float = 0.5
-    """probability above which a pixel belongs to a region; chosen on the validation split"""
+    """calibrated probability above which a pixel belongs to a region; chosen on the validation split"""
+    calibration: tuple[float, float] = (1.0, 0.0)
+    """slope and offset of the logits of regions (afford/twohands/model/calibration.py), fitted on the validation split"""
 
     def __post_init__(self) -> None:
         if self.variant not in VARIANTS:

@@ -117,7 +117,9 @@ class Predictor:
         objects = [None] * len(images) if output.objects is None else output.objects.float().cpu()
         texts = output.answer or [""] * len(images)
         said = [True] * len(images) if output.said is None else output.said.tolist()
-        rows = zip(images, output.logits.float().cpu(), output.score.float().cpu(), taxonomy, objects, texts, said, strict=True)
+        slope, offset = self.model.config.calibration
+        regions = output.logits.float().cpu() * slope + offset
+        rows = zip(images, regions, output.score.float().cpu(), taxonomy, objects, texts, said, strict=True)
         return [RawPrediction(self._probability(image, logits), *rest) for image, logits, *rest in rows]
 
     def _look_closer(self, images: Sequence[np.ndarray], tasks: Sequence[str], first: list[RawPrediction]) -> list[RawPrediction]:
@@ -137,7 +139,8 @@ class Predictor:
     def _select(self, task: str, raw: RawPrediction, hands: str) -> Prediction:
         selected = select_hands(raw.taxonomy, hands) & raw.said
         score = rank_scores(raw.score, bool(selected.all())).numpy()
-        return Prediction(task, raw.probability, score, raw.taxonomy, selected, self.model.config.threshold, raw.answer)
+        config = self.model.config
+        return Prediction(task, raw.probability, score, raw.taxonomy, selected, config.threshold, raw.answer, config.calibration)
 
 
 def rank_scores(score: Tensor, together: bool) -> Tensor:

@@ -18,6 +18,7 @@ from afford.training.job import Dataset
 from afford.training.params import Plan
 from afford.training.sampler import BalancedSampler
 from afford.training.state import TrainingState
+from afford.twohands.model.calibration import calibrated
 from afford.twohands.model.interface import ModelConfig, TwoHands, build
 from afford.twohands.model.losses import LossParams
 from afford.twohands.model.model_folder import save_model, vocabulary_of, write_vocabulary
@@ -99,7 +100,8 @@ step {curves.best_step} were kept. Learns the {job["target"]} of each hand.
 
 On {min(job["val_samples"], source.parts['val']['samples'])} samples of the part `val`, every second one cropped to its objects, at
 {config["size_px"][1]} x {config["size_px"][0]} px; IoU and precision of both hands' union, the top-ranked hypothesis, an idle
-hand by the model's own taxonomy. The threshold {threshold} was chosen here.
+hand by the model's own taxonomy. Slope and offset of the logits of regions (calibration) were fitted here, and the threshold
+{threshold} was chosen.
 
 ## Limits
 
@@ -169,10 +171,10 @@ class TwoHandsJob:
         return [benchmark_crop(item, self.views) if n % 2 else uncropped(item) for n, item in enumerate(chosen)]
 
     def finish(self, model: nn.Module, state: TrainingState) -> None:
-        """Set the threshold that was best for the weights that are kept."""
+        """Set threshold and calibration, as the validation of the weights that are kept found them."""
         found = {point.name: point.value for point in state.points if point.step == state.best_step}
         if "val.threshold" in found:
-            _own(model).config = replace(self.config, threshold=found["val.threshold"])
+            _own(model).config = calibrated_config(self.config, {name.removeprefix("val."): value for name, value in found.items()})
 
     def save(self, model: nn.Module, folder: Path, scratch: Path) -> None:
         """Write the model and words.json, the vocabulary of the training split."""
@@ -196,6 +198,12 @@ class TwoHandsJob:
         kinds: dict[str, type] = {"config": ModelConfig, "plan": Plan, "loss": LossParams, "division": Split,
                                   "views": Augmentation}
         return cls(**{name: kinds[name](**_tuples(part)) if name in kinds else part for name, part in fields.items()})
+
+
+def calibrated_config(config: ModelConfig, validation: Mapping[str, float]) -> ModelConfig:
+    """Config with the calibration and the threshold that a validation (`validation_metrics`) found."""
+    calibration = validation["slope"], validation["offset"]
+    return replace(config, threshold=round(calibrated(validation["threshold"], calibration), 4), calibration=calibration)
 
 
 def describe_splits(scratch: Path) -> dict[str, dict[str, Any]]:

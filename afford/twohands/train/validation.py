@@ -15,6 +15,7 @@ from torch import Tensor
 
 from afford.common.image_files import jpeg
 from afford.common.palette import LEFT, RIGHT
+from afford.twohands.model.calibration import fit_calibration
 from afford.twohands.model.hand_selection import select_hands
 from afford.twohands.model.predictor import rank_scores
 
@@ -45,14 +46,18 @@ def validation_metrics(samples: Sequence[ValidationSample]) -> dict[str, float]:
     """Compute means over samples, at the threshold with the best mean IoU.
 
     `iou` and `precision` are those of the union of both hands, `best_iou` that of the best of the k hypotheses, `taxonomy` is the
-    accuracy of the taxonomy, and `threshold` is that threshold.
+    accuracy of the taxonomy, and `threshold` is that threshold. `slope` and `offset` calibrate regions (`fit_calibration`),
+    fitted to the hands that act and were selected.
     """
     table = np.array([iou_and_precision(one.regions[0], one.truth) for one in samples])
     iou, precision = table.mean(0)
     best = int(iou.argmax())
     several = [max(iou_and_precision(region, one.truth)[0][best] for region in one.regions) for one in samples]
+    slope, offset = fit_calibration((one.regions[0, hand].ravel(), one.truth[hand].ravel()) for one in samples
+                                    for hand in (0, 1) if one.regions[0, hand].any() and one.truth[hand].any())
     return {"iou": float(iou[best]), "precision": float(precision[best]), "threshold": THRESHOLDS[best],
-            "best_iou": float(np.mean(several)), "taxonomy": float(np.mean([one.right for one in samples]))}
+            "best_iou": float(np.mean(several)), "taxonomy": float(np.mean([one.right for one in samples])),
+            "slope": slope, "offset": offset}
 
 
 def iou_and_precision(region: np.ndarray, truth: np.ndarray) -> np.ndarray:
