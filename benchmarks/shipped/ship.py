@@ -3,7 +3,8 @@
     python install/cycles.py                                     # once, for the two-hand model
     PYTHONPATH=. python benchmarks/shipped/ship.py [NAME ...] [--store DIR] [--photographs DIR]
     PYTHONPATH=. python benchmarks/shipped/ship.py --check       # name the models whose code has changed since; always exit code 0
-    PYTHONPATH=. python benchmarks/shipped/ship.py --calibrate   # validate the shipped two-hand model, and set what that decides
+    PYTHONPATH=. python benchmarks/shipped/ship.py --calibrate DIR,...   # validate the shipped two-hand model on the data sets, as the
+                                                                 # end of a training does, and set its calibration and threshold
 
 Trainings are cached and resumable. Figures of the cards are written by benchmarks/shipped/score.py, out of the shipped files.
 """
@@ -24,6 +25,7 @@ import torch
 from safetensors.torch import load_file, save_file
 from torch import Tensor
 
+from afford.common.files import tree
 from afford.models.shipped import CARD, FOLDER, FORMAT, MEASURED, RECORD, file_digest, read_record
 from benchmarks.pages import ROOT, head
 from benchmarks.shipped.recipes import RECIPES, Recipe
@@ -147,21 +149,14 @@ def write(name: str, runner: Runner, recipe: Recipe) -> int:
     return sum(path.stat().st_size for path in (FOLDER / name).rglob("*") if path.is_file())
 
 
-def with_photographs(recipe: Recipe, folder: Path | None) -> Recipe:
-    """Recipe whose path-traced stills have surfaces of photographs in a folder."""
-    shown = (f"still_render.photographs={folder}",) if folder else ()
-    return replace(recipe, stills=tuple((*sets, *shown) if CYCLES in sets else sets for sets in recipe.stills))
-
-
-def calibrate(runner: Runner, recipe: Recipe) -> None:
-    """Set calibration and threshold of the shipped two-hand model, as the end of a training does; its weights stay."""
+def calibrate(recipe: Recipe, folders: list[Path]) -> None:
+    """Set calibration and threshold of the shipped two-hand model by the split `val` of data sets; its weights stay."""
     from afford.twohands.model.model_folder import config_json, load_model
     from afford.twohands.train.job import calibrated_config
     from stages.twohands.model_train import _job
 
-    folder, digest = FOLDER / "twohands", digester(runner)
-    data = joined([run(runner, graph, "stills")[0] for graph in recipe.still_graphs(digest)])
-    job = _job(recipe.graph(digest, data).stages()[-1].params)
+    folder, data = FOLDER / "twohands", joined([tree("stills", one) for one in folders])
+    job = _job(recipe.graph(file_digest, data).stages()[-1].params)
     with TemporaryDirectory() as scratch:
         job.prepare({file.name: file.path for file in data.files}, Path(scratch))
         task = job.task(Path(scratch), 1)
@@ -170,7 +165,8 @@ def calibrate(runner: Runner, recipe: Recipe) -> None:
             found = task.validate()
     (folder / "config.json").write_text(config_json(calibrated_config(task.model.config, found)), encoding="utf-8")
     record = read_record(folder)
-    record["files"]["config.json"], record["calibrated"] = file_digest(folder / "config.json"), head()
+    record["files"]["config.json"], record["calibrated"] = file_digest(folder / "config.json"), {
+        "commit": head(), "val": {file.name: file.digest for file in data.files if "val-" in file.name}}
     (folder / RECORD).write_text(json.dumps(record, indent=1, sort_keys=True) + "\n", encoding="utf-8")
     print(json.dumps(found, indent=1))
 
@@ -182,7 +178,7 @@ def main() -> None:
     parser.add_argument("--store", type=Path)
     parser.add_argument("--photographs", type=lambda text: Path(text).absolute(), help="photographs of surfaces, for twohands")
     parser.add_argument("--check", action="store_true")
-    parser.add_argument("--calibrate", action="store_true")
+    parser.add_argument("--calibrate", type=lambda text: [Path(one) for one in text.split(",")])
     parser.add_argument("--jobs", type=int)
     args = parser.parse_args()
     names = args.names or list(RECIPES)
@@ -192,12 +188,15 @@ def main() -> None:
         return
     if subprocess.run(("git", "diff", "--quiet", "HEAD"), cwd=ROOT).returncode:
         raise SystemExit("commit first: a card names the commit that made its model")
-    runner = open_runner(args.store, jobs=args.jobs)
     if args.calibrate:
-        calibrate(runner, with_photographs(RECIPES["twohands"], args.photographs))
+        calibrate(RECIPES["twohands"], args.calibrate)
         return
+    runner = open_runner(args.store, jobs=args.jobs)
     for name in names:
-        recipe = with_photographs(RECIPES[name], args.photographs) if name == "twohands" else RECIPES[name]
+        recipe = RECIPES[name]
+        if name == "twohands" and args.photographs:
+            shown = f"still_render.photographs={args.photographs}"
+            recipe = replace(recipe, stills=tuple((*sets, shown) if CYCLES in sets else sets for sets in recipe.stills))
         print(f"{name}: {write(name, runner, recipe) / 1e6:.1f} MB", flush=True)
     total = sum(path.stat().st_size for path in FOLDER.rglob("*") if path.is_file())
     if total > MAX_TOTAL_BYTES:
