@@ -3,8 +3,7 @@
     python install/cycles.py                                     # once, for the two-hand model
     PYTHONPATH=. python benchmarks/shipped/ship.py [NAME ...] [--store DIR] [--photographs DIR]
     PYTHONPATH=. python benchmarks/shipped/ship.py --check       # name the models whose code has changed since; always exit code 0
-    PYTHONPATH=. python benchmarks/shipped/ship.py --calibrate DIR,...   # validate the shipped two-hand model on the data sets, as the
-                                                                 # end of a training does, and set its calibration and threshold
+    PYTHONPATH=. python benchmarks/shipped/ship.py --calibrate DIR,...   # calibrate the shipped two-hand model on data sets
 
 Trainings are cached and resumable. Figures of the cards are written by benchmarks/shipped/score.py, out of the shipped files.
 """
@@ -151,12 +150,14 @@ def write(name: str, runner: Runner, recipe: Recipe) -> int:
 
 def calibrate(recipe: Recipe, folders: list[Path]) -> None:
     """Set calibration and threshold of the shipped two-hand model by the split `val` of data sets; its weights stay."""
+    from afford.models.efficientnet_lite import encoder_path
     from afford.twohands.model.model_folder import config_json, load_model
     from afford.twohands.train.job import calibrated_config
     from stages.twohands.model_train import _job
 
     folder, data = FOLDER / "twohands", joined([tree("stills", one) for one in folders])
-    job = _job(recipe.graph(file_digest, data).stages()[-1].params)
+    params = recipe.graph(file_digest, data).stages()[-1].params
+    job = _job(replace(params, backbones=str(encoder_path())))
     with TemporaryDirectory() as scratch:
         job.prepare({file.name: file.path for file in data.files}, Path(scratch))
         task = job.task(Path(scratch), 1)
