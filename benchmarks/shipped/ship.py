@@ -164,10 +164,15 @@ def calibrate(recipe: Recipe, folders: list[Path]) -> None:
         task.model = load_model(folder)
         with torch.inference_mode():
             found = task.validate()
-    (folder / "config.json").write_text(config_json(calibrated_config(task.model.config, found)), encoding="utf-8")
+    config = calibrated_config(task.model.config, found)
+    (folder / "config.json").write_text(config_json(config), encoding="utf-8")
+    line = (f"The threshold {config.threshold} and the calibration, slope and offset {config.calibration} of logits, were set by "
+            f"{len(task.validation) * job.batch} samples of other validation rooms, `--calibrate` at commit `{head()}`.")
+    card = re.sub(r"The threshold [^\n]*\.", line, (folder / CARD).read_text(encoding="utf-8"), count=1)
+    (folder / CARD).write_text(card, encoding="utf-8")
     record = read_record(folder)
-    record["files"]["config.json"], record["calibrated"] = file_digest(folder / "config.json"), {
-        "commit": head(), "val": {file.name: file.digest for file in data.files if "val-" in file.name}}
+    record["files"] |= {name: file_digest(folder / name) for name in ("config.json", CARD)}
+    record["calibrated"] = {"commit": head(), "val": {file.name: file.digest for file in data.files if "val-" in file.name}}
     (folder / RECORD).write_text(json.dumps(record, indent=1, sort_keys=True) + "\n", encoding="utf-8")
     print(json.dumps(found, indent=1))
 
