@@ -1,4 +1,4 @@
-"""The command line: verbs and their options. The implementations are in the other modules of this package."""
+"""The command line: verbs and their options; those of `runs` and `weights` have files of their own."""
 
 from __future__ import annotations
 
@@ -10,33 +10,15 @@ from typing import Annotated, Any
 
 import typer
 
+from commands import history_verbs, weights_verbs
 from commands.errors import UsageError
+from commands.options import NAMED, Clips, Device, Json, ParamsFile, Remote, Sets, SourceDir, Store, Target
 from commands.targets import use
 from runner.signals import TERMINATED, terminating
 
 app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, rich_markup_mode="rich")
-
-NAMED = "TARGETS"
-"""placeholder in help texts, which `main` replaces with the names of the targets"""
-Target = Annotated[str | None, typer.Argument(help=f"{NAMED}; default: dataset, or the first that has the stage of --only",
-                                              show_default=False)]  # fmt: skip
-Wanted = Annotated[str | None, typer.Argument(help=f"{NAMED}; or a stage; default: dataset", show_default=False)]
-Drawn = Annotated[str | None, typer.Argument(help=f"{NAMED}; default: dataset", show_default=False)]
-SourceDir = Annotated[Path | None, typer.Option("--source", help="EPIC root, folder of videos, meshes, RGB-D or pictures; default: "
-                                                "rendered data")]
-Clips = Annotated[list[str] | None, typer.Option("--clip", help="only this clip (repeatable)")]
-Sets = Annotated[list[str] | None, typer.Option("--set", help="STAGE.PARAM=VALUE (repeatable)")]
-ParamsFile = Annotated[Path | None, typer.Option("--params", help="TOML or JSON, one table per stage")]
-Store = Annotated[Path | None, typer.Option("--store", help="folder of the store; default: artifacts/")]
-Remote = Annotated[str | None, typer.Option("--remote", envvar="AFFORD_REMOTE", show_default=False, help="object store or folder "
-                                            "that several hosts share: s3://, az://, gs://, file:// or a path")]  # fmt: skip
-Model = Annotated[Path | None, typer.Option("--model", help="folder of a trained model; default: the model trained last")]
-Device = Annotated[str, typer.Option(help="cpu or cuda")]
-Engine = Annotated[str | None, typer.Option(help="inline (in this process), pool (worker processes) or ray; default: pool",
-                                            show_default=False)]  # fmt: skip
-Address = Annotated[str | None, typer.Option(help="Ray cluster, HOST:PORT or auto; default: a private one on this machine",
-                                             show_default=False)]  # fmt: skip
-Json = Annotated[bool, typer.Option("--json", help="print one JSON object as the last line")]
+app.add_typer(history_verbs.app, name="runs")
+app.add_typer(weights_verbs.app, name="weights")
 
 
 def _print_version(wanted: bool) -> None:
@@ -67,8 +49,10 @@ def run(
                                                 "default: yes", show_default=False)] = None,
     force: Annotated[list[str] | None, typer.Option(help="run this stage even if cached (repeatable)")] = None,
     jobs: Annotated[int | None, typer.Option(help="worker processes; default: one per core; 0: none")] = None,
-    engine: Engine = None,
-    address: Address = None,
+    engine: Annotated[str | None, typer.Option(help="inline (in this process), pool (worker processes) or ray; default: pool",
+                                               show_default=False)] = None,
+    address: Annotated[str | None, typer.Option(help="Ray cluster, HOST:PORT or auto; default: a private one on this machine",
+                                                show_default=False)] = None,
     minutes: Annotated[float | None, typer.Option(min=0, help="time limit, after which optional parts are deferred to the next "
                                                   "run; default: inf (none), for grasp-full and sor3d-ablation 75")] = None,
     store: Store = None,
@@ -105,7 +89,8 @@ def check(
 
 
 @app.command()
-def status(target: Wanted = None, source: SourceDir = None, set_: Sets = None, params: ParamsFile = None,
+def status(target: Annotated[str | None, typer.Argument(help=f"{NAMED}; or a stage; default: dataset", show_default=False)] = None,
+           source: SourceDir = None, set_: Sets = None, params: ParamsFile = None,
            store: Store = None, remote: Remote = None, json: Json = False) -> None:  # fmt: skip
     """Show the progress of a target or of a stage, and its failures."""
     from commands.store import status as show
@@ -134,7 +119,8 @@ def explain(
 
 
 @app.command()
-def graph(target: Drawn = None, source: SourceDir = None,
+def graph(target: Annotated[str | None, typer.Argument(help=f"{NAMED}; default: dataset", show_default=False)] = None,
+          source: SourceDir = None,
           out: Annotated[Path | None, typer.Option("--out", help="draw to this .svg or .png")] = None) -> None:  # fmt: skip
     """Show the stages of a target and their inputs."""
     from commands.store import graph as show
@@ -340,7 +326,7 @@ def grasp(
 def demo(
     host: Annotated[str, typer.Option(help="address to serve at; the default is reachable only from this machine")] = "127.0.0.1",
     port: Annotated[int, typer.Option(help="port; 0 for any free port")] = 8000,
-    model: Model = None,
+    model: Annotated[Path | None, typer.Option("--model", help="trained model; default: the one trained last")] = None,
     device: Device = "cpu",
     store: Store = None,
 ) -> None:
@@ -348,92 +334,6 @@ def demo(
     from commands.demo import demo as serve
 
     raise typer.Exit(serve(host, port, model, device, store))
-
-
-runs_verbs = typer.Typer(invoke_without_command=True)
-app.add_typer(runs_verbs, name="runs")
-
-
-@runs_verbs.callback()
-def runs(
-    context: typer.Context,
-    count: Annotated[int, typer.Option("-n", min=1, help="number of runs")] = 20,
-    store: Store = None,
-    json: Json = False,
-) -> None:
-    """List past runs, the newest first; `runs diff` compares two, `runs timeline` draws one."""
-    if context.invoked_subcommand is None:
-        from commands.history import runs as show
-
-        raise typer.Exit(show(store, count, json))
-
-
-@runs_verbs.command("diff")
-def runs_diff(
-    a: Annotated[str, typer.Argument(help="a run: its id, a beginning of it, last, or last~1 for the one before")],
-    b: Annotated[str, typer.Argument(help="the run to compare it with")],
-    store: Store = None,
-    json: Json = False,
-) -> None:
-    """Show the stages that differ between two runs, the reasons, and differences of outputs and costs."""
-    from commands.history import diff
-
-    raise typer.Exit(diff(a, b, store, json))
-
-
-@runs_verbs.command("timeline")
-def runs_timeline(
-    run: Annotated[str, typer.Argument(help="a run: its id, a beginning of it, last, or last~1 for the one before")] = "last",
-    out: Annotated[Path, typer.Option("--out", help="draw to this .svg or .png")] = Path("timeline.svg"),
-    store: Store = None,
-) -> None:
-    """Draw the tasks of a run over time, with cores and memory in use."""
-    from commands.history import timeline
-
-    raise typer.Exit(timeline(run, out, store))
-
-
-weights_verbs = typer.Typer(no_args_is_help=True, help="Import published checkpoints; list, verify and show them.")
-app.add_typer(weights_verbs, name="weights")
-Imported = Annotated[Path, typer.Argument(metavar="DIR", help="folder that `weights import` wrote")]
-
-
-@weights_verbs.command("import")
-def weights_import(
-    kind: Annotated[str, typer.Argument(help="2haff, lisa, llava, sam, sam2, sam3, clip, vidm, lama or vgg16")],
-    files: Annotated[list[Path], typer.Argument(help="files or folders of the checkpoint, and of the parts it lacks")],
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="new folder for the model")],
-    dtype: Annotated[str, typer.Option(help="float32, bfloat16 or float16")] = "float32",
-    json: Json = False,
-) -> None:
-    """Import a published checkpoint, tensor by tensor; nothing of it is run, and every tensor must fit."""
-    from commands.weights_import import bring
-
-    raise typer.Exit(bring(kind, files, out, dtype, json))
-
-
-@weights_verbs.command("list")
-def weights_list(json: Json = False) -> None:
-    """List the kinds of checkpoints, and the files that each needs."""
-    from commands.weights_import import kinds
-
-    raise typer.Exit(kinds(json))
-
-
-@weights_verbs.command("verify")
-def weights_verify(folder: Imported, json: Json = False) -> None:
-    """Compare the files of an imported model with their digests."""
-    from commands.weights_import import verify
-
-    raise typer.Exit(verify(folder, json))
-
-
-@weights_verbs.command("show")
-def weights_show(folder: Imported, json: Json = False) -> None:
-    """Show kind, parameters, number type, digest, licence as stated, and use of an imported model."""
-    from commands.weights_import import show
-
-    raise typer.Exit(show(folder, json))
 
 
 @app.command()
