@@ -103,11 +103,6 @@ def translate(shape: Mesh, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Me
     return replace(shape, vertices=shape.vertices + np.array([x, y, z], np.float32))
 
 
-def with_colour(shape: Mesh, colour: tuple[float, float, float]) -> Mesh:
-    """Return the mesh with one linear RGB vertex colour."""
-    return replace(shape, colour=np.broadcast_to(np.asarray(colour, np.float32), shape.vertices.shape).copy())
-
-
 def merge(*shapes: Mesh) -> Mesh:
     """Merge meshes into one."""
     offsets = np.cumsum([0] + [len(s.vertices) for s in shapes[:-1]])

@@ -20,12 +20,12 @@ from afford.common.image_files import read_depth, read_image
 from afford.extraction.hands import network as hand_network
 from afford.extraction.hands.model import PLAIN, HandFinder, HandFinderConfig
 from afford.grasping.candidates.read_scene import read_mask
+from afford.models.importing.source import Source, open_source
 from afford.models.tensor_files import read_tensors
 from afford.rgbd.model import checkpoint
 from afford.rgbd.model.layers import CONVOLUTIONS, Encoder
 from afford.rgbd.readers import Umd, iit_aff, umd
 from afford.rgbd.readers.static_set import PictureEntry
-from afford.twohands.model.published import read_weights
 from schemas.interaction import StaticSample
 from tests.helpers import made_interactions
 from tests.helpers.bombs import Bomb
@@ -83,6 +83,11 @@ def write_index(folder: Path) -> Path:
     index = folder / "pytorch_model.bin.index.json"
     index.write_text(json.dumps({"metadata": {}, "weight_map": dict.fromkeys(tensors(), "pytorch_model.bin")}))
     return index
+
+
+def open_one(path: Path) -> Source:
+    """A checkpoint that is one file, or one folder."""
+    return open_source([path])
 
 
 def encoder() -> Encoder:
@@ -157,9 +162,9 @@ READERS: list[FuzzedReader] = [
     weights("safetensors", write_safetensors, read_tensors),
     weights("checkpoint zip", write_checkpoint, read_tensors),
     weights("checkpoint data.pkl", write_pickle, read_pickle),
-    weights("published .bin", partial(write_published, zipped=True), read_weights),
-    weights("published .bin of old", partial(write_published, zipped=False), read_weights),
-    weights("published index", write_index, lambda path: read_weights(path.parent)),
+    weights("published .bin", partial(write_published, zipped=True), open_one),
+    weights("published .bin of old", partial(write_published, zipped=False), open_one),
+    weights("published index", write_index, lambda path: open_one(path.parent)),
     weights("VGG .pth", partial(write_vgg, zipped=True), lambda path: checkpoint.load_vgg16(encoder(), path)),
     weights("VGG .pth of old", partial(write_vgg, zipped=False), lambda path: checkpoint.load_vgg16(encoder(), path)),
     weights("config of a finder", write_config, lambda path: hand_network.read_network(path.parent)),
@@ -226,7 +231,7 @@ BOMBS: list[Bomb] = [
     Bomb("checkpoint whose pickle is larger than stated", partial(large_checkpoint, stated=1000), read_tensors, (ValueError,)),
     Bomb("checkpoint of 32 million opcodes", many_opcodes, read_tensors, (ValueError,)),
     Bomb("checkpoint nested a million times", nested, read_tensors, (ValueError,)),
-    Bomb("published checkpoint of 2.5 GB in 2 MiB", large_checkpoint, read_weights, (ValueError,)),
+    Bomb("published checkpoint of 2.5 GB in 2 MiB", large_checkpoint, open_one, (ValueError,)),
     Bomb("VGG of 2.5 GB in 2 MiB", large_checkpoint, lambda path: checkpoint.load_vgg16(encoder(), path), (ValueError,)),
     Bomb("safetensors that state 2^60 bytes", written("model.safetensors", lambda: struct.pack("<Q", 1 << 60)), read_tensors,
          (ValueError,)),

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 import torch
 from safetensors.torch import save_file
+from tokenizers import Tokenizer
 from torch import Tensor
 from transformers import CLIPConfig, CLIPModel, LlavaConfig, SamConfig
 
-from afford.models.importing import write
+from afford.models.importing import Imported, write
 from afford.models.importing.source import open_source
 from afford.models.importing.write import check_fit, damaged, write_model
 from afford.models.tokens import FileTokens
@@ -20,7 +21,7 @@ from afford.twohands.model import large
 from afford.twohands.model.interface import Batch, ModelConfig, TwoHands, build
 from afford.twohands.model.model_folder import find_model, load_model
 from afford.twohands.model.predictor import Predictor
-from afford.twohands.model.published import import_2haff, import_lisa
+from afford.twohands.model.published import GROWS, import_2haff, import_lisa
 from afford.twohands.model.vlm import Vlm, question
 from tests.helpers.tiny_models import bytes_tokenizer
 from tests.twohands.test_published_weights import released
@@ -168,6 +169,25 @@ def test_a_checkpoint_without_its_parts_says_what_to_give(checkpoint: Path, tmp_
     with pytest.raises(ValueError, match=r"expected \[SEG\] among the 100 tokens"):
         rows = {name: tensor[:100] if "embed_tokens" in name else tensor for name, tensor in source.tensors.items()}
         import_2haff(type(source)(source.files, rows, (tmp_path,)))
+
+
+def test_a_vocabulary_without_the_image_token_grows(checkpoint: Path, tmp_path: Path) -> None:
+    """A row of zeros is added to embeddings and output layer where one is missing, and no more than one."""
+    source = open_source([checkpoint / "2haff", checkpoint / "clip"])
+
+    def with_tokens(words: str) -> Imported:
+        (tmp_path / "tokenizer.json").write_text(words)
+        return import_2haff(type(source)(source.files, source.tensors, (tmp_path, *source.folders)))
+
+    words = tokenizer().replace("<image>", "<other>")
+    made = with_tokens(words)
+    check_fit(made, "2haff")
+    for ours, theirs in zip(GROWS, ("model.embed_tokens.weight", "lm_head.weight"), strict=True):
+        assert torch.equal(made.tensors[ours][:-1], source.tensors[theirs]) and not made.tensors[ours][-1].any()
+    longer = Tokenizer.from_str(words)
+    longer.add_special_tokens(["<more>"])
+    with pytest.raises(ValueError, match=r"misshaped vlm\.lm_head\.weight"):
+        check_fit(with_tokens(longer.to_str()), "2haff")
 
 
 def test_lisa_has_one_region_and_a_random_taxonomy(checkpoint: Path, tmp_path: Path) -> None:

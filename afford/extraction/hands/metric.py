@@ -83,13 +83,6 @@ def lift(keypoints_px: np.ndarray, keypoints_m: np.ndarray, confidence: np.ndarr
     return out
 
 
-def bone_lengths(keypoints_m: np.ndarray) -> np.ndarray:
-    """Return the lengths (..., 5, 4) of the bones of each finger from the wrist, for keypoints (..., 21, 3)."""
-    chains = keypoints_m[..., CHAINS, :]
-    lengths: np.ndarray = np.linalg.norm(np.diff(chains, axis=-2), axis=-1)
-    return lengths
-
-
 def smooth(values: np.ndarray, time_s: np.ndarray, noise: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
     """Smooth values (t, c) by a Rauch-Tung-Striebel smoother of constant velocity.
 

@@ -1,8 +1,8 @@
-"""Load the weights of released 2HAff and LISA checkpoints into a `vlm` model, or import them as a model's folder.
+"""Import released 2HAff and LISA checkpoints as the folder of a `vlm` model.
 
-The files are safetensors or PyTorch files, whole or in shards with an index; of the latter, only tensors are read. Tensors that the
-released format leaves out keep their values and are reported: low-rank updates (merged before release), the image tower (always
-CLIP's own) and, for LISA, which has one decoder and no taxonomy, the taxonomy head. All other tensors must fit.
+Released names become those of the model. Tensors that the released format leaves out are made and named: low-rank updates (merged
+before release), which then change nothing, and, for LISA, which has one decoder and no taxonomy, a random taxonomy head. The image
+tower is always CLIP's own, and is given with the checkpoint. All other tensors must fit.
 """
 
 from __future__ import annotations
@@ -21,8 +21,7 @@ from transformers import LlavaConfig, LlavaForConditionalGeneration, SamConfig, 
 from afford.models.importing import Imported, shapes_of
 from afford.models.importing.llava import CLIP_ONLY, language_fields, llava_name, llava_sizes
 from afford.models.importing.sam import config_text, sam_name, sam_sizes, sam_title
-from afford.models.importing.source import Source, open_source
-from afford.models.loading import fill_weights
+from afford.models.importing.source import Source
 from afford.models.tokens import IMAGE, SEG, FileTokens
 from afford.twohands.model.interface import ModelConfig, TwoHands, build
 from afford.twohands.model.model_folder import config_json
@@ -30,29 +29,8 @@ from schemas.video import SIDES
 
 IGNORED = re.compile(r"rotary_emb\.inv_freq$|position_ids$|pixel_(mean|std)$")
 """computed buffers that older versions saved"""
-MAY_STAY = re.compile(r"\.lora_[AB]\.|^vlm\.model\.vision_tower\.|^regions\.taxonomy\.")
-"""tensors of the model that a released checkpoint may lack"""
 GROWS = ("vlm.model.language_model.embed_tokens.weight", "vlm.lm_head.weight")
 """released vocabularies have no row for <image>, which is not used; the model has this row last"""
-
-
-def load_published(model: TwoHands, path: Path) -> list[str]:
-    """Fill a `vlm` model from a released checkpoint; returns the names of the model's tensors that the checkpoint lacks, in order.
-
-    ValueError names tensors that are missing, extra or of another shape.
-    """
-    if model.config.variant != "vlm":
-        raise ValueError(f"released checkpoints fit the variant vlm, got {model.config.variant}")
-    given = {ours: tensor for name, tensor in read_weights(path).items() for ours in our_names(name, model.config.decoders)}
-    own = model.state_dict()
-    for name in GROWS:
-        if name in given and len(given[name]) == len(own[name]) - 1:
-            given[name] = torch.cat([given[name], own[name][-1:].to(given[name])])
-    stay = [name for name in own if name not in given and MAY_STAY.search(name)]
-    fill_weights(model, given | {name: own[name] for name in stay}, str(path), "give the published weights of this size")
-    return stay
-
-
 HANDS = (
     (r"^mask_decoder_left\.\w*(taxonomy|class)\w*\.", "taxonomy."),
     (r"^mask_decoder_left\.", "decoders.0."),
@@ -89,11 +67,6 @@ def our_names(name: str, decoders: int = 2) -> list[str]:
 
 
 ADAPTED = re.compile(r"\.(q_proj|v_proj)\.weight$")
-
-
-def read_weights(path: Path) -> dict[str, Tensor]:
-    """Read tensors by name from a file, or from a folder with one file or with shards, memory-mapped. ValueError without a file."""
-    return open_source([path]).tensors
 
 
 LORA_A = re.compile(r"\.lora_A\.")
