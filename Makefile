@@ -68,7 +68,7 @@ train: $(READY) ## train a two-hand model on rendered stills (SOURCE=DIR: on a d
 benchmark: $(READY) ## score the trained model and the baselines on held-out stills (SOURCE=DIR: on ActAffordance)
 	@$(RUN) run benchmark --store "$(STORE)" $(if $(SOURCE),--source "$(SOURCE)") $(ARGS)
 
-ablation: $(READY) ## train every row of the ablation, three seeds each (about an hour; stop and go on at will)
+ablation: $(READY) ## train every row of the ablation, three seeds each (stops after 75 minutes; run it again to go on)
 	@$(RUN) run ablation --store "$(STORE)" $(ARGS)
 
 negative-affordance: $(READY) ## where a hand must not go on objects, scored (SOURCE=DIR: on a folder of your meshes)

@@ -54,7 +54,7 @@ def run(
     address: Annotated[str | None, typer.Option(help="Ray cluster, HOST:PORT or auto; default: a private one on this machine",
                                                 show_default=False)] = None,
     minutes: Annotated[float | None, typer.Option(min=0, help="time limit, after which optional parts are deferred to the next "
-                                                  "run; default: inf (none), for grasp-full and sor3d-ablation 75")] = None,
+                                                  "run; default: 75 for ablation, grasp-full, sor3d-ablation, else inf")] = None,
     store: Store = None,
     remote: Remote = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="show the tasks that would run, with reasons; run nothing")] = False,

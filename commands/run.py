@@ -29,7 +29,7 @@ from runner import Failure, Graph, LostError, Observer, Runner, RunReport
 from runner.history import RunLog
 
 T = TypeVar("T")
-DEFAULT_MINUTES = {"grasp-full": 75.0, "sor3d-ablation": 75.0}
+DEFAULT_MINUTES = {"ablation": 75.0, "grasp-full": 75.0, "sor3d-ablation": 75.0}
 """default time limit of targets that take many hours; the next run resumes"""
 
 

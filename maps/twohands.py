@@ -17,29 +17,36 @@ from schemas.training import Recipe, Trained
 from stages.twohands import ablation_report, baseline_cases, benchmark, model_train, predict_cases, score_cases
 
 FULL: dict[str, Any] = {"variant": "small", "hypotheses": 3, "text": True, "decoders": 2, "target": "affordance",
-                        "data": "stills"}  # fmt: skip
+                        "data": "stills", "taxonomy": True, "steps": 0}  # fmt: skip
+TINY_STEPS = 200
+"""steps of rows with a tiny random language model, which learns little from more"""
 ROWS: dict[str, dict[str, Any]] = {
     "full": {},
     "no_text": {"text": False},
     "clip": {"variant": "clip"},
     "k1": {"hypotheses": 1},
-    "lisa": {"hypotheses": 1, "decoders": 1, "target": "object"},
     "hotspot": {"hypotheses": 1, "decoders": 1, "text": False},
+    "vlm": {"variant": "vlm", "hypotheses": 1},
+    "lisa": {"variant": "vlm", "hypotheses": 1, "decoders": 1, "target": "object", "taxonomy": False},
     "extracted": {"data": "extracted"},
 }
-"""full: the small model; no_text: without the task; clip: 2HAff-CLIP; k1: one region per hand, the paper's model; lisa: one
-decoder and whole objects; hotspot: one heat map, no text; extracted: labels that the extraction took from rendered videos"""
+"""full: the small model; no_text: without the task; clip: 2HAff-CLIP; k1: one region per hand; hotspot: one heat map, no text;
+vlm: the paper's model; lisa: the same with one mask of the whole object, as LISA; extracted: labels that the extraction took from
+rendered videos"""
 
 
-def recipes(rows: Iterable[str], seeds: int) -> tuple[Recipe, ...]:
+def recipes(rows: Iterable[str], seeds: int, pretrained: bool = False) -> tuple[Recipe, ...]:
     """Plan the trainings of the ablation: all rows with seed 0, then all rows with seed 1, and so on.
 
-    So an ablation that is stopped early has results of each row. ValueError for an unknown row.
+    So an ablation that is stopped early has results of each row. Without `pretrained` backbones, rows of the variant vlm are short.
+    ValueError for an unknown row.
     """
     unknown = sorted(set(rows) - ROWS.keys())
     if unknown or seeds < 1:
         raise ValueError(f"ablation: expected rows of {', '.join(ROWS)} and at least one seed, got {unknown or seeds}")
-    return tuple(Recipe(name=f"{row}-{seed}", row=row, seed=seed, **FULL | ROWS[row]) for seed in range(seeds) for row in rows)
+    short = {} if pretrained else {row: {"steps": TINY_STEPS} for row in rows if ROWS[row].get("variant") == "vlm"}
+    return tuple(Recipe(name=f"{row}-{seed}", row=row, seed=seed, pretrained=pretrained, **FULL | ROWS[row] | short.get(row, {}))
+                 for seed in range(seeds) for row in rows)  # fmt: skip
 
 
 def training_data(g: Graph, origin: Origin, p: Settings) -> FileTree:
@@ -108,7 +115,7 @@ def measure(g: Graph, origin: Origin, p: Settings) -> None:
 
 def ablate(g: Graph, origin: Origin, p: Settings) -> None:
     """Ablate parts of the model: several trainings of each row, scored on held-out stills; with --minutes, those that finish."""
-    planned = recipes(p.twohands.ablation_report.rows, p.twohands.ablation_report.seeds)
+    planned = recipes(p.twohands.ablation_report.rows, p.twohands.ablation_report.seeds, bool(p.twohands.model_train.backbones))
     cases   = stills_to_measure(g, p)
     by_data = {name: tuple(recipe for recipe in planned if recipe.data == name) for name in ("stills", "extracted")}
     data_of = {"stills": stills_to_train, "extracted": lambda g, p: mined(g, origin, p)}

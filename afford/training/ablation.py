@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +11,8 @@ from afford.common.files import write_json
 from schemas.benchmark import MethodScores
 from schemas.training import Recipe
 
-MEASURES = ("iou", "precision", "map", "best_mode_iou", "taxonomy_accuracy")
+TAXONOMY = "taxonomy_accuracy"
+MEASURES = ("iou", "precision", "map", "best_mode_iou", TAXONOMY)
 PROTOCOL, GROUP = "cropped", "kitchen"
 
 Values = dict[str, list[dict[str, float]]]
@@ -24,6 +25,8 @@ def write_ablation(root: Path, recipes: Sequence[Recipe], scores: Sequence[Metho
     ValueError for scores that do not belong to `recipes`.
     """
     done = {one.name: mean_scores(one) for one in scores}
+    untaught = {recipe.name for recipe in recipes if not recipe.taxonomy} & done.keys()
+    done |= {name: {key: value for key, value in done[name].items() if key != TAXONOMY} for name in untaught}
     if unknown := sorted(done.keys() - {recipe.name for recipe in recipes}):
         raise ValueError(f"ablation: expected scores of {', '.join(recipe.name for recipe in recipes)}, got {', '.join(unknown)}")
     rows = {row: [done[recipe.name] for recipe in recipes if recipe.row == row and recipe.name in done]
@@ -31,7 +34,8 @@ def write_ablation(root: Path, recipes: Sequence[Recipe], scores: Sequence[Metho
     planned = {row: sum(recipe.row == row for recipe in recipes) for row in rows}
     write_json(root / "metrics.json", metrics(rows, planned))
     write_json(root / "ablation.json", done)
-    (root / "ablation.md").write_text(ablation_table(rows, planned), encoding="utf-8")
+    notes = {recipe.row: note for recipe in recipes if (note := note_of(recipe))}
+    (root / "ablation.md").write_text(ablation_table(rows, planned) + note_lines(notes), encoding="utf-8")
 
 
 def mean_scores(one: MethodScores) -> dict[str, float]:
@@ -69,6 +73,28 @@ def ablation_table(rows: Values, planned: dict[str, int]) -> str:
     head += "(docs/twohands/benchmark.md).\n\n"
     lines = [f"| row | {' | '.join(MEASURES)} | seeds |", f"|---|{'--:|' * (len(MEASURES) + 1)}"]
     return head + "\n".join([*lines, *(_line(row, seeds, planned[row]) for row, seeds in rows.items())]) + "\n"
+
+
+RANDOM = {
+    "clip": "tiny random CLIP and SAM, trained whole",
+    "vlm": "tiny random language model, not trained on words, and tiny random image encoders, not trained on pictures: shows that "
+           "the recipe runs, not what it is worth",
+}  # fmt: skip
+"""variant -> remark on rows whose backbones were not trained before"""
+
+
+def note_of(recipe: Recipe) -> str:
+    """Remark on a row: random backbones, steps of its own, no taxonomy; '' for none."""
+    random = "" if recipe.pretrained else RANDOM.get(recipe.variant, "")
+    steps = f"{recipe.steps} steps" if recipe.steps else ""
+    taxonomy = "" if recipe.taxonomy else "learns no taxonomy"
+    extracted = "learns from labels that the extraction took from rendered videos" if recipe.data == "extracted" else ""
+    return "; ".join(filter(None, (extracted, random, steps, taxonomy)))
+
+
+def note_lines(notes: Mapping[str, str]) -> str:
+    """Format remarks by row as a Markdown list; '' without any."""
+    return "\n" + "".join(f"- `{row}`: {note}.\n" for row, note in notes.items()) if notes else ""
 
 
 def _line(row: str, seeds: list[dict[str, float]], planned: int) -> str:

@@ -1,7 +1,8 @@
 """scores of all trained rows and seeds -> the ablation: mean and standard deviation of each row; unfinished rows are marked.
 
 Reads   the planned Recipes; MethodScores of the finished ones, named after their recipe
-Writes  metrics.json (<row>.<measure>, <row>.<measure>.sd), ablation.md, ablation.json (seed by seed)
+Writes  metrics.json (<row>.<measure>, <row>.<measure>.sd), ablation.md with a note on rows that cannot be trained at their
+        published size here, ablation.json (seed by seed)
 Method  a measure of one seed is its mean over the cropped cases of kitchens (docs/twohands/benchmark.md); a row is the mean over
         its seeds, with the sample standard deviation
 Fails   when there are no scores, or a score does not belong to a recipe
@@ -26,12 +27,12 @@ MEMORY_GIB = 0.5
 class Params:
     """Parameters of the stage."""
 
-    rows: tuple[str, ...] = ("full", "no_text", "clip", "k1")
-    """trained rows: full, no_text, clip, k1, lisa, hotspot, extracted"""
+    rows: tuple[str, ...] = ("full", "no_text", "clip", "k1", "hotspot", "vlm", "lisa", "extracted")
+    """trained rows (docs/twohands/benchmark.md)"""
     seeds: int = 3
     """number of trainings of each row, with the seeds 0, 1, ..."""
     steps: int = 1800
-    """steps of each training, fewer than in model_train so that twelve finish within an hour; 0 for the same number"""
+    """steps of each training, fewer than in model_train so that a row takes minutes; 0 for the same number"""
 
 
 def run(recipes: tuple[Recipe, ...], scores: tuple[MethodScores, ...], params: Params, ctx: Context,

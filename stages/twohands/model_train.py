@@ -141,7 +141,7 @@ def _job(p: Params, recipe: Recipe | None = None) -> TwoHandsJob:
                          "`python install/image_encoder.py`, or set model_train.variant=small")
     if recipe is not None:
         p = replace(p, variant=recipe.variant, hypotheses=recipe.hypotheses, text=recipe.text, decoders=recipe.decoders,
-                    target=recipe.target, seed=recipe.seed)
+                    target=recipe.target, seed=recipe.seed, steps=recipe.steps or p.steps)
     light = p.variant in LIGHT
     return TwoHandsJob(
         config=ModelConfig(variant=p.variant, hypotheses=p.hypotheses, text=p.text, decoders=p.decoders, backbones=p.backbones,
@@ -149,7 +149,8 @@ def _job(p: Params, recipe: Recipe | None = None) -> TwoHandsJob:
                            seg_state=p.loss_mode),
         plan=plan_of(p, _parallel(p, light)),
         loss=LossParams(mode=p.loss_mode, mask=p.mask_loss, mask_weight=p.mask_weight, dice_weight=p.dice_weight,
-                        object_weight=p.object_weight, centre_weight=p.centre_weight),
+                        object_weight=p.object_weight, centre_weight=p.centre_weight,
+                        taxonomy_weight=float(recipe.taxonomy) if recipe else 1.0),
         division=Split(p.split_by, p.val_fraction, p.seed),
         views=Augmentation(p.flip_share, p.crop_share, stretch_share=p.stretch_share, nameless_share=p.nameless_share,
                     colour_share=p.colour_share),

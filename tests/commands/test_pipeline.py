@@ -16,6 +16,7 @@ from mcap.reader import make_reader
 from afford.codecs import CODEC
 from afford.recording.summary import summarise
 from maps.settings import Origin, Settings
+from maps.twohands import ROWS
 from pipeline import build
 from runner.index import Index
 from runner.store import Store
@@ -279,8 +280,10 @@ def test_the_ablation_trains_each_row_on_its_data() -> None:
     """Videos are extracted only for the row that trains on them; the scores of all rows are in one table."""
     spec = SceneSpec("P91_01", "carry", "kitchen", seed=3)
     stages = {}
-    for rows in (("full", "k1"), ("extracted",), ("full", "extracted")):
-        settings = Settings.of(ablation_report=replace(Settings.twohands.ablation_report, rows=rows))
+    usual = Settings.twohands.ablation_report
+    assert {"vlm", "lisa", "hotspot", "extracted"} <= set(usual.rows) == set(ROWS)
+    for rows in (("full", "k1"), ("extracted",), ("full", "extracted"), usual.rows):
+        settings = Settings.of(ablation_report=replace(usual, rows=rows))
         graph = build("ablation", Origin("ablation", specs=(spec,)), settings)
         stages[rows] = {node.name: dict(node.inputs) for node in graph.stages()}
     of_stills = {"train_pack", "model_train", "score_cases"}
@@ -288,4 +291,4 @@ def test_the_ablation_trains_each_row_on_its_data() -> None:
     assert stages["full", "k1"].keys() >= of_stills and not stages["full", "k1"].keys() & of_videos
     assert stages["extracted",].keys() >= of_videos and not stages["extracted",].keys() & of_stills
     assert stages["full", "extracted"].keys() >= of_stills | of_videos
-    assert ["others" in stages[rows]["ablation_report"] for rows in stages] == [False, False, True]
+    assert ["others" in stages[rows]["ablation_report"] for rows in stages] == [False, False, True, True]

@@ -38,9 +38,24 @@ def test_means_and_spreads(tmp_path: Path) -> None:
     assert metrics["full.taxonomy_accuracy"] == pytest.approx(0.6)
     assert (metrics["k1.iou"], metrics["k1.iou.sd"], metrics["k1.unfinished"]) == (pytest.approx(0.3), 0.0, 1.0)
     assert "clip.iou" not in metrics and metrics["clip.unfinished"] == 2.0
-    lines = tree.find("ablation.md").path.read_text().splitlines()
+    lines = [line for line in tree.find("ablation.md").path.read_text().splitlines() if line.startswith("|")]
     assert [line.rpartition("| ")[2] for line in lines[-3:]] == ["2 |", "1 of 2, not finished |", "0 of 2, not finished |"]
     assert lines[-3].startswith("| full | 0.600 ± 0.141 |")
+
+
+def test_rows_on_random_backbones_are_marked(tmp_path: Path) -> None:
+    """A note for each of them, none for rows of their published size, and no taxonomy of a model that learns none."""
+    rows = ("full", "clip", "vlm", "lisa", "extracted")
+    done = tuple(scores(f"{row}-0", 0.5) for row in rows)
+    tree = ablation_report.run(recipes(rows, 1), done, ablation_report.Params(), Scratch(tmp_path / "random"))
+    text = tree.find("ablation.md").path.read_text()
+    notes = dict(line.removeprefix("- `").rstrip(".").split("`: ") for line in text.splitlines() if line.startswith("- "))
+    assert notes.keys() == {"clip", "vlm", "lisa", "extracted"}
+    assert all("tiny random" in notes[row] for row in ("clip", "vlm", "lisa")) and "tiny" not in notes["extracted"]
+    assert "200 steps" in notes["vlm"] and notes["lisa"].endswith("learns no taxonomy")
+    assert "lisa.taxonomy_accuracy" not in json.loads(tree.find("metrics.json").path.read_text()) and "| 0.500 | - | 1 |" in text
+    tree = ablation_report.run(recipes(rows, 1, pretrained=True), done, ablation_report.Params(), Scratch(tmp_path / "given"))
+    assert "random" not in tree.find("ablation.md").path.read_text()
 
 
 def test_strangers_are_refused(tmp_path: Path) -> None:
@@ -64,6 +79,11 @@ def test_recipes_begin_with_every_row() -> None:
     by = {recipe.row: recipe for recipe in planned}
     assert by["full"].text and not by["no_text"].text and by["k1"].hypotheses == 1 and by["clip"].variant == "clip"
     assert {recipe.data for recipe in planned if recipe.row != "extracted"} == {"stills"} and by["extracted"].data == "extracted"
-    assert (by["lisa"].decoders, by["lisa"].target, by["hotspot"].text) == (1, "object", False)
+    assert (by["hotspot"].variant, by["hotspot"].decoders, by["hotspot"].text) == ("small", 1, False)
+    vlm, lisa = by["vlm"], by["lisa"]
+    assert (vlm.variant, vlm.hypotheses, vlm.decoders, vlm.target, vlm.taxonomy) == ("vlm", 1, 2, "affordance", True)
+    assert (lisa.variant, lisa.hypotheses, lisa.decoders, lisa.target, lisa.taxonomy) == ("vlm", 1, 1, "object", False)
+    assert {row for row, recipe in by.items() if recipe.steps} == {"vlm", "lisa"}
+    assert not any(recipe.steps for recipe in recipes(ROWS, 1, pretrained=True))
     with pytest.raises(ValueError, match="expected rows of full, no_text"):
         recipes(("best",), 1)

@@ -21,11 +21,13 @@ from afford.twohands.model.calibration import calibrated
 from afford.twohands.model.interface import build
 from afford.twohands.model.model_folder import save_model
 from afford.twohands.model.predictor import Predictor
+from maps.twohands import recipes
 from schemas.files import FileTree
 from schemas.training import Recipe, Trained
 from stages.extraction import dataset_pack
 from stages.recording import training_record
-from stages.twohands import model_train
+from stages.twohands import ablation_report, model_train, predict_cases, score_cases
+from tests.helpers.made_cases import as_tree, write_benchmark
 from tests.helpers.made_samples import Scratch, clip
 from tests.helpers.tiny_models import save_backbones
 from tests.helpers.tiny_root import digest
@@ -106,7 +108,7 @@ def test_the_card_names_licence_data_and_figures(dataset: FileTree, trained: Tra
 
 def test_a_recipe_overrides_parameters(dataset: FileTree, tmp_path: Path) -> None:
     """A row of an ablation trains another model under its own name; other parameters are kept."""
-    recipe = Recipe("k1-7", "k1", "small", 1, False, 1, "object", 7, "stills")
+    recipe = Recipe("k1-7", "k1", "small", 1, False, 1, "object", 7, "stills", False, True, 0)
     found = model_train.run(dataset, replace(PARAMS, steps=2, validate_every=0), Scratch(tmp_path), recipe)
     config = json.loads(found.files.find("model/config.json").path.read_text())
     assert (config["hypotheses"], config["text"], config["decoders"], found.log.name) == (1, False, 1, "k1-7")
@@ -121,10 +123,27 @@ def test_clip_without_backbones_is_trained_whole(dataset: FileTree, tmp_path: Pa
     with pytest.raises(ValueError, match="expected no backbones for variant small"):
         model_train._job(model_train.Params(backbones="folder"))
     assert not job.config.frozen and model_train._job(replace(params, variant="clip", backbones="folder")).config.frozen
-    recipe = Recipe("clip-5", "clip", "clip", 3, True, 2, "affordance", 5, "stills")
+    recipe = Recipe("clip-5", "clip", "clip", 3, True, 2, "affordance", 5, "stills", False, True, 0)
     found = model_train.run(dataset, params, Scratch(tmp_path), recipe)
     assert json.loads(found.files.find("model/config.json").path.read_text())["variant"] == "clip"
     assert model_train._job(PARAMS).plan.parallel == 2 and model_train._job(replace(PARAMS, devices=2)).plan.parallel == 1
+
+
+@pytest.mark.parametrize("row", ["vlm", "lisa"])
+def test_rows_with_a_language_model_are_trained_and_scored(dataset: FileTree, tmp_path: Path, row: str) -> None:
+    """From tiny random parts to a line of the report; lisa learns no taxonomy."""
+    recipe = replace(recipes((row,), 1)[0], steps=2)
+    params = replace(PARAMS, steps=9, batch=2, val_samples=2)
+    trained = model_train.run(dataset, params, Scratch(tmp_path / "trained"), recipe)
+    assert trained.log.steps == 2 and {curve.name for curve in trained.log.curves} > {"train.text", "train.mask"}
+    card = trained.files.find("card.md").path.read_text()
+    assert ('"taxonomy_weight": 0.0' in card) == (row == "lisa")
+    cases = as_tree(write_benchmark(tmp_path / "cases"))
+    found = predict_cases.run(cases, trained.files, predict_cases.Params(name="", looks=1, mirror=False), Scratch(tmp_path / "found"))
+    scored = score_cases.run(cases, found, score_cases.Params())
+    tree = ablation_report.run((recipe,), (scored,), ablation_report.Params(), Scratch(tmp_path / "table"))
+    text = tree.find("ablation.md").path.read_text()
+    assert f"\n| {row} | 0." in text and f"- `{row}`: tiny random language model" in text
 
 
 def test_a_model_depends_on_the_content_of_backbones_only(tmp_path: Path) -> None:
