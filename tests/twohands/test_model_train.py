@@ -133,13 +133,13 @@ def test_clip_without_backbones_is_trained_whole(dataset: FileTree, tmp_path: Pa
 def test_rows_with_a_language_model_are_trained_and_scored(dataset: FileTree, tmp_path: Path, row: str) -> None:
     """From tiny random parts to a line of the report; lisa learns no taxonomy."""
     recipe = replace(recipes((row,), 1)[0], steps=2)
-    params = replace(PARAMS, steps=9, batch=2, val_samples=2)
+    params = replace(PARAMS, steps=9, batch=2, accumulate=1, val_samples=2)
     trained = model_train.run(dataset, params, Scratch(tmp_path / "trained"), recipe)
     assert trained.log.steps == 2 and {curve.name for curve in trained.log.curves} > {"train.text", "train.mask"}
     card = trained.files.find("card.md").path.read_text()
     assert ('"taxonomy_weight": 0.0' in card) == (row == "lisa")
-    cases = as_tree(write_benchmark(tmp_path / "cases"))
-    found = predict_cases.run(cases, trained.files, predict_cases.Params(name="", looks=1, mirror=False), Scratch(tmp_path / "found"))
+    cases, once = as_tree(write_benchmark(tmp_path / "cases")), predict_cases.Params(name="", looks=1, mirror=False)
+    found = predict_cases.run(cases, trained.files, once, Scratch(tmp_path / "found"))
     scored = score_cases.run(cases, found, score_cases.Params())
     tree = ablation_report.run((recipe,), (scored,), ablation_report.Params(), Scratch(tmp_path / "table"))
     text = tree.find("ablation.md").path.read_text()
