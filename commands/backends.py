@@ -33,8 +33,11 @@ from runner.modules import Modules
 from runner.selection import declarations, selector
 
 ROOT = Path(__file__).resolve().parent.parent
-DECLARATIONS = ("WEIGHTS", "SERVER", "EXTRA", "PACKAGES")
-"""constants of a backend's module that declare weights, a server, an extra of pyproject.toml, and its packages"""
+DECLARATIONS = ("WEIGHTS", "SERVER", "EXTRA", "PACKAGES", "MET")
+"""constants of a backend's module: weights, a server, an extra of pyproject.toml, its packages, and what it has met (`LEVELS`)"""
+LEVELS = ("published weights", "authors' package, random weights", "published size, random weights", "tiny random weights",
+          "server of the tests")
+"""beginnings of MET, the strongest evidence first; then a month and what was seen: 'LEVEL, YYYY-MM: figure or fact'"""
 DECIDES = "Everything that decides "
 """prefix of a training module's docstring, before the description of the backend"""
 STOP = re.compile(r"(?<!\bal)(?<!\be\.g)(?<!\bi\.e)(?<!\bcf)\. ")
@@ -57,6 +60,7 @@ class Backend:
     server: str = ""
     extra: str = ""
     packages: tuple[str, ...] = ()
+    met: str = ""
 
     @property
     def stage(self) -> str:
@@ -164,6 +168,8 @@ class Row:
     needs: str
     usable: bool
     why_not: str
+    met: str = ""
+    """weights that a learned backend has met (`LEVELS`), when, and with which result"""
     resources: str = ""
     """memory, declared and measured, and the parameter that chooses a GPU"""
 
@@ -204,8 +210,9 @@ def _params(chosen: Settings, stage: str) -> Any:
 
 def markdown(found: list[Row]) -> str:
     """Table of docs/backends.md: backends and their requirements, independent of this machine."""
-    lines = ["| chosen by | backend | what it does | needs |", "|---|---|---|---|"]
-    return "\n".join([*lines, *(f"| {row.parameter} | `{row.backend}` | {row.about} | {row.needs} |" for row in found)]) + "\n"
+    lines = ["| chosen by | backend | what it does | needs | has met |", "|---|---|---|---|---|"]
+    lines += [f"| {row.parameter} | `{row.backend}` | {row.about} | {row.needs} | {row.met} |" for row in found]
+    return "\n".join(lines) + "\n"
 
 
 def _row(backend: Backend, params: Any, measured: Mapping[tuple[str, str, str], float]) -> Row:
@@ -216,7 +223,8 @@ def _row(backend: Backend, params: Any, measured: Mapping[tuple[str, str, str], 
     wants += [f"extra `{backend.extra}`"] if backend.extra else []
     reasons = (_packages(backend), _weights(backend, owner, params), _server(backend, owner, params))
     why = "; ".join(reason for reason in reasons if reason)
-    return Row(owner, chosen_by, backend.name, backend.about, "; ".join(wants), not why, why, _resources(backend, field, measured))
+    return Row(owner, chosen_by, backend.name, backend.about, "; ".join(wants), not why, why, backend.met,
+               _resources(backend, field, measured))  # fmt: skip
 
 
 def _resources(backend: Backend, field: str, measured: Mapping[tuple[str, str, str], float]) -> str:
@@ -290,8 +298,9 @@ def _print(found: list[Row]) -> None:
         here = "[green]usable[/]" if row.usable else "[red]not usable[/]"
         console.print(f"[bold]{row.parameter}[/] = [bold]{row.backend}[/]  {here}", highlight=False, overflow="fold")
         needs = f"needs {row.needs}" if row.needs else ""
+        met = f"has met {row.met}" if row.met else ""
         why = f"not usable here: {row.why_not}" if row.why_not else ""
-        for text in filter(None, (row.about, needs, row.resources, why)):
+        for text in filter(None, (row.about, needs, met, row.resources, why)):
             console.print(Padding(escape(text), (0, 0, 0, 4)), highlight=False, overflow="fold")
 
 

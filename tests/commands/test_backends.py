@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -10,6 +11,8 @@ from pathlib import Path
 import pytest
 
 from commands import backends
+from runner.fingerprint import fingerprint
+from runner.selection import selector
 from tests.helpers.command import call
 from tests.helpers.stage_files import MODULES
 
@@ -41,6 +44,37 @@ def test_backends_declare_their_weights() -> None:
     for stage, name in LEARNED:
         own = getattr(importlib.import_module(MODULES[stage]).Params(), name)
         assert (own.model, own.device, own.dtype) == ("", "cpu", "float32")
+
+
+def test_learned_backends_say_what_they_have_met() -> None:
+    """Each that declares weights or a server, or whose code loads published weights: a level, a month, and what was seen."""
+    page, rows = (ROOT / "docs" / "backends.md").read_text(encoding="utf-8"), found()
+    learned = [one for one in backends.all_backends() if one.weights or one.server or loads_published(one)]
+    learned += [one for one in backends.all_backends() if one.met and one not in learned]
+    assert {(one.stage, one.name) for one in learned} >= LEARNED | {("afford.twohands.model.interface", "lite")}
+    for one in learned:
+        level, month, seen = one.met.partition(", 20")[0], *one.met.partition(", 20")[2].partition(": ")[::2]
+        assert level in backends.LEVELS and re.fullmatch(r"\d\d-(0[1-9]|1[0-2])", month) and seen, (one.stage, one.name, one.met)
+        assert rows[one.stage, one.name]["met"] == one.met and f"`{one.name}` | {one.about} " in page and f" {one.met} |" in page
+    assert "has met published weights, 2026-" in call("backends", "hand_detect").words
+    measured = "".join((ROOT / "benchmarks" / name).read_text(encoding="utf-8") for name in PAGES)
+    figures = {figure for one in learned for figure in re.findall(r"([\d.,]+) (?:ms|s a|frames/s|px of)", one.met)}
+    assert len(figures) > 4 and all(figure in measured for figure in figures), figures
+
+
+PAGES = ("gpu.md", "inpaint.md", "hand_landmarks.md")
+"""where the figures come from"""
+
+
+READERS = {"afford.models.loading:load_cached", "afford.models.loading:load_pretrained", "afford.twohands.model.backbones:backbone",
+           "afford.models.efficientnet_lite:read_encoder"}  # fmt: skip
+"""functions that load weights of other projects"""
+
+
+def loads_published(one: backends.Backend) -> bool:
+    """Whether the code behind a backend reaches one of READERS."""
+    reached = fingerprint(backends._modules(), one.entry, {selector(one.registry): one.name}).definitions
+    return not READERS.isdisjoint(reached)
 
 
 def test_reasons_why_a_backend_is_not_usable(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,6 +14,7 @@ from schemas.masks import Tracks
 from schemas.video import Frames, Inpainted
 
 WEIGHTS = "a Sam2VideoModel: folder of save_pretrained, sam2*_hiera_*.pt, or hub id as facebook/sam2.1-hiera-tiny"
+MET = "tiny random weights, 2026-11: two frames, as mask_densify loads it"
 
 
 def complete(frames: Frames, tracks: Tracks, inpainted: Inpainted, index: int, params: Sam2) -> Completed:

@@ -68,6 +68,7 @@ def _is_generator(name: str) -> bool:
 
 
 WEIGHTS = "LaMa's published checkpoint, a TorchScript file of it, or safetensors (docs/extraction/inpainting.md)"
+MET = "published size, random weights, 2026-11: 2,569 ms a frame of 456 x 256 px on one core; published names and shapes"
 
 
 class HoleRegion(NamedTuple):

@@ -20,6 +20,7 @@ from schemas.masks import Tracks
 from schemas.video import Frames, PixelSource
 
 WEIGHTS = "a folder or checkpoint of VIDM, with the names that were published (docs/extraction/inpainting.md)"
+MET = "published size, random weights, 2026-11: 1.12 s a frame of 50 steps on an H200; parts computed as in the published code"
 GROWN_PX = 3
 """dilation of a hole in the input of the network: the paper's second dilation, by 7 x 7 at 256 x 256"""
 CONFIDENCE = 128

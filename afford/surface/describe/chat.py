@@ -14,6 +14,8 @@ from schemas.surface import PartDescription
 WEIGHTS = {"vlm": "a vision-language model with a chat template: folder of save_pretrained, or hub id as llava-hf/llava-1.5-7b-hf"}
 SERVER = {"endpoint": "OpenAI-compatible: `url`, `model` as the server calls it, a key in the environment variable `key_variable` "
                       "or none"}  # fmt: skip
+MET = {"vlm": "tiny random weights, 2026-11: a LLaVA of transformers with its processor",
+       "endpoint": "server of the tests, 2026-11: answers, retries, redirects; no public server"}  # fmt: skip
 
 
 def describe_by_model(mesh: ObjectMesh, views: ObjectViews, task: str, params: Vlm) -> PartDescription:

@@ -11,6 +11,8 @@ from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.surface import PartCandidates
 
 WEIGHTS = "a SamModel: folder of save_pretrained, or hub id as facebook/sam-vit-huge"
+MET = ("authors' package, random weights, 2026-11: names and shapes of ViT-B, ViT-L, ViT-H in segment-anything 1.0; masks "
+       "with tiny ones")
 
 
 def propose(mesh: ObjectMesh, views: ObjectViews, params: Sam) -> PartCandidates:

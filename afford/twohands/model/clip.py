@@ -13,6 +13,7 @@ from afford.models.tokens import Tokens, tokenize_batch
 from afford.twohands.model.backbones import TINY_VOCABULARY, Regions, backbone, check_size, freeze, tiny_sam, tokens_of
 from afford.twohands.model.interface import Batch, ModelConfig, Output, TwoHands
 
+MET = "tiny random weights, 2026-11: trained whole, with CLIPModel and SamModel of transformers"
 
 class Clip(TwoHands):
     """CLIP, two projections and the two-hand decoders of SAM."""

@@ -18,6 +18,7 @@ from afford.twohands.model.backbones import freeze
 from afford.twohands.model.interface import ModelConfig
 from afford.twohands.model.small import Decoder, Encoder, Residual, Small, mlp
 
+MET = "published weights, 2026-11: its encoder names photographs of an espresso and of a cat"
 
 class LiteEncoder(Encoder):
     """Encoder of `small` whose features without words are those of a frozen EfficientNet-Lite0."""
