@@ -15,7 +15,7 @@ Imported = Annotated[Path, typer.Argument(metavar="DIR", help="folder that `weig
 
 @app.command("import")
 def weights_import(
-    kind: Annotated[str, typer.Argument(help="2haff, lisa, llava, sam, sam2, sam3, clip, vidm, lama or vgg16")],
+    kind: Annotated[str, typer.Argument(help="2haff, lisa, llava, sam, sam2, sam3, clip, vidm, lama, vgg16 or xmem")],
     files: Annotated[list[Path], typer.Argument(help="files or folders of the checkpoint, and of the parts it lacks")],
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="new folder for the model")],
     dtype: Annotated[str, typer.Option(help="float32, bfloat16 or float16")] = "float32",

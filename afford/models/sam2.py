@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import torch
@@ -20,6 +20,7 @@ from transformers import Sam2HieraDetConfig, Sam2VideoConfig, Sam2VideoModel, Sa
 from transformers.models.sam2_video.modeling_sam2_video import Sam2VideoInferenceSession
 
 from afford.models import tensor_files
+from afford.models.frame_masks import FrameMasks, full_size
 from afford.models.loading import fill_weights, load_cached, read_pretrained
 
 SIZES: dict[str, dict[str, Any]] = {
@@ -155,14 +156,6 @@ MEAN = (0.485, 0.456, 0.406)
 DEVIATION = (0.229, 0.224, 0.225)
 
 
-class FrameMasks(NamedTuple):
-    """Masks of one frame."""
-
-    at: int
-    logits: torch.Tensor
-    """(n, h', w') float32 on the CPU, of n objects at the model's own size; positive inside"""
-
-
 def load_model(name: str, device: str = "cpu", dtype: str = "float32") -> Sam2VideoModel:
     """Load a model for inference from a folder of `save_pretrained` or a published file `sam2*_hiera_*.pt`.
 
@@ -221,11 +214,6 @@ def track_frames(model: Sam2VideoModel, rgb: np.ndarray, prompts: Mapping[int, n
             out = model(made, frame_idx=position, reverse=reverse)
         _forget(made, set(range(position - far, position + far + 1)))
         yield FrameMasks(position, out.pred_masks[:, 0].float().cpu())
-
-
-def full_size(logits: torch.Tensor, size: tuple[int, ...]) -> np.ndarray:
-    """Resize logits (n, h', w') to (n, h, w) float32."""
-    return interpolate(logits[:, None], size, mode="bilinear", align_corners=False)[:, 0].numpy()
 
 
 def _forget(made: Sam2VideoInferenceSession, keep: set[int]) -> None:

@@ -17,8 +17,8 @@ from tests.helpers.command import call
 from tests.helpers.stage_files import MODULES
 
 ROOT = Path(__file__).resolve().parents[2]
-LEARNED = {("mask_densify", "sam2"), ("object_completion", "sam2"), ("mask_propose", "sam"), ("mask_score", "clip"),
-           ("part_describe", "vlm"), ("grasp_judge", "vlm"), ("hand_detect", "sam3")}  # fmt: skip
+LEARNED = {("mask_densify", "sam2"), ("mask_densify", "xmem"), ("object_completion", "sam2"), ("mask_propose", "sam"),
+           ("mask_score", "clip"), ("part_describe", "vlm"), ("grasp_judge", "vlm"), ("hand_detect", "sam3")}  # fmt: skip
 
 
 def found(*words: str | Path) -> dict[tuple[str, str], dict[str, object]]:

@@ -287,7 +287,8 @@ def test_params_lists_every_parameter_with_type_default_and_meaning() -> None:
     assert Settings.grasping.motion_synthesise != type(Settings.grasping.motion_synthesise)()
     shown = re.findall(r"^mask_densify\.(\S+)", call("params", "mask-densify").out, re.MULTILINE)
     named = [row["name"] for row in rows if row["stage"] == "mask_densify"]
-    assert [name for name in shown if name not in ("flow", "sam2")] == named and {"flow", "sam2"} <= {*shown}
+    blocks = {"flow", "sam2", "xmem"}
+    assert [name for name in shown if name not in blocks] == named and blocks <= {*shown}
 
 
 @pytest.mark.parametrize("terminal", [False, True])

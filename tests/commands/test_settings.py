@@ -114,7 +114,8 @@ def test_a_parameter_of_a_backend_is_set_in_its_block(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("word", "message"), [
-    ("mask_densify.model=DIR", "mask_densify.model belongs to the backend sam2; write mask_densify.sam2.model"),
+    ("mask_densify.model=DIR", "mask_densify.model belongs to the backends sam2 and xmem; write mask_densify.sam2.model or "
+     "mask_densify.xmem.model"),
     ("mask_densify.search_px=2", "mask_densify.search_px belongs to the backend flow; write mask_densify.flow.search_px"),
     ("hand_inpaint.batch=2", "hand_inpaint.batch belongs to the backends vidm and lama; write hand_inpaint.vidm.batch or "
      "hand_inpaint.lama.batch"),

@@ -17,7 +17,8 @@ from afford.codecs import CODEC
 from afford.extraction.complete.sam2 import complete
 from afford.extraction.tracks import BACKGROUND, UNKNOWN, Sam2
 from afford.extraction.tracks.sam2 import propagate
-from afford.models.sam2 import full_size, load_model, session, track, track_frames
+from afford.models.frame_masks import full_size
+from afford.models.sam2 import load_model, session, track, track_frames
 from runner.index import Index
 from runner.store import Store
 from schemas.masks import Entity, Tracks

@@ -28,6 +28,7 @@ from transformers import (
 
 from afford.models import chat_model
 from afford.models.chat_model import inputs, load_model
+from afford.models.xmem_network import XMem, XMemConfig
 
 TURNS = ("{% for turn in messages %}{{ turn['role'] }}: {% for one in turn['content'] %}"
          "{% if one['type'] == 'image' %}<image>\n{% else %}{{ one['text'] }}{% endif %}{% endfor %}\n{% endfor %}"
@@ -164,3 +165,14 @@ def save_parrot(folder: Path, asked: str, answer: str) -> Path:
     model.save_pretrained(folder)
     chat_model._load_cached.cache_clear()
     return folder
+
+
+XMEM = XMemConfig(width=4, key_dim=8, value_dim=16, hidden_dim=8)
+
+
+def save_xmem(path: Path, seed: int = 0) -> Path:
+    """An XMem of some two hundred thousand parameters, random from a seed, as the release is saved: a flat state dict."""
+    torch.manual_seed(seed)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    torch.save(XMem(XMEM).state_dict(), path)
+    return path

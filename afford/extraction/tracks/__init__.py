@@ -60,6 +60,30 @@ class Sam2(Pretrained):
 
 
 @dataclass(frozen=True)
+class Xmem(Pretrained):
+    """Parameters of `xmem`. Sizes of the memory are those of the release."""
+
+    model: str = ""
+    """XMem.pth as released, or a folder of `weights import xmem`"""
+    memory_keys: int = 1
+    """key frames on each side of a gap that are in memory; 0 = only that from which a pass starts, as released"""
+    short_side_px: int = 480
+    """shorter side of frames in the network"""
+    stride_frames: int = 5
+    """every so many frames one is stored in memory; r of the paper (released code of 2HandedAfforder: 10)"""
+    top_k: int = 30
+    """elements of the memory that a place of a frame reads"""
+    least_frames: int = 5
+    """frames in working memory after a consolidation; T_min of the paper"""
+    most_frames: int = 10
+    """frames in working memory that start a consolidation; T_max of the paper"""
+    prototypes: int = 128
+    """elements that a consolidation adds to the long-term memory; P of the paper"""
+    long_term: int = 10_000
+    """elements of the long-term memory; LT_max of the paper"""
+
+
+@dataclass(frozen=True)
 class Propagated:
     """Propagated labels: one per pixel, so that entities never overlap."""
 
