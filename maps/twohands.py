@@ -19,7 +19,7 @@ from stages.twohands import ablation_report, baseline_cases, benchmark, model_tr
 FULL: dict[str, Any] = {"variant": "small", "hypotheses": 3, "text": True, "decoders": 2, "target": "affordance",
                         "data": "stills", "taxonomy": True, "steps": 0}  # fmt: skip
 TINY_STEPS = 200
-"""steps of rows with a tiny random language model, which learns little from more"""
+"""most steps of rows with a tiny random language model, which learns little from more"""
 ROWS: dict[str, dict[str, Any]] = {
     "full": {},
     "no_text": {"text": False},

@@ -27,7 +27,7 @@ class Recipe(Schema):
     data: str = value("what it learns from: stills, with exact labels, or extracted, labels taken from rendered videos")
     pretrained: bool = value("whether the backbones of clip and vlm were trained before; without, they are tiny and random")
     taxonomy: bool = value("whether it learns which hands act")
-    steps: int = value("steps of its training, 0 for as many as the other rows")
+    steps: int = value("most steps of its training, 0 for as many as the other rows")
 
 
 @dataclass(frozen=True)

@@ -86,7 +86,7 @@ RANDOM = {
 def note_of(recipe: Recipe) -> str:
     """Remark on a row: random backbones, steps of its own, no taxonomy; '' for none."""
     random = "" if recipe.pretrained else RANDOM.get(recipe.variant, "")
-    steps = f"{recipe.steps} steps" if recipe.steps else ""
+    steps = f"at most {recipe.steps} steps" if recipe.steps else ""
     taxonomy = "" if recipe.taxonomy else "learns no taxonomy"
     extracted = "learns from labels that the extraction took from rendered videos" if recipe.data == "extracted" else ""
     return "; ".join(filter(None, (extracted, random, steps, taxonomy)))

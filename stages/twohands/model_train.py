@@ -120,7 +120,8 @@ def run(dataset: FileTree, params: Params, ctx: Context, recipe: Recipe | None =
     from afford.training.train import train_job
 
     job = _job(with_local_weights(params, weights, "backbones"), recipe)
-    return train_job(job, dataset, recipe.name if recipe else params.variant, ctx, THREADS, params.devices)
+    threads = 1 if job.config.variant == "vlm" and not job.config.backbones else THREADS  # its layers are too small for two
+    return train_job(job, dataset, recipe.name if recipe else params.variant, ctx, threads, params.devices)
 
 
 def _job(p: Params, recipe: Recipe | None = None) -> TwoHandsJob:
@@ -141,7 +142,7 @@ def _job(p: Params, recipe: Recipe | None = None) -> TwoHandsJob:
                          "`python install/image_encoder.py`, or set model_train.variant=small")
     if recipe is not None:
         p = replace(p, variant=recipe.variant, hypotheses=recipe.hypotheses, text=recipe.text, decoders=recipe.decoders,
-                    target=recipe.target, seed=recipe.seed, steps=recipe.steps or p.steps)
+                    target=recipe.target, seed=recipe.seed, steps=min(recipe.steps or p.steps, p.steps))
     light = p.variant in LIGHT
     return TwoHandsJob(
         config=ModelConfig(variant=p.variant, hypotheses=p.hypotheses, text=p.text, decoders=p.decoders, backbones=p.backbones,
