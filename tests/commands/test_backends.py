@@ -72,7 +72,7 @@ READERS = {"afford.models.loading:load_cached", "afford.models.loading:load_pret
 
 
 def loads_published(one: backends.Backend) -> bool:
-    """Whether the code behind a backend reaches one of READERS."""
+    """Return True when the code behind a backend reaches one of READERS."""
     reached = fingerprint(backends._modules(), one.entry, {selector(one.registry): one.name}).definitions
     return not READERS.isdisjoint(reached)
 

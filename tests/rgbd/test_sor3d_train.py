@@ -83,7 +83,7 @@ def test_training_writes_model_card_and_curves(trained: Trained) -> None:
 
 def test_a_recipe_is_a_row(dataset: FileTree, tmp_path: Path) -> None:
     """Its row and seed decide; the model is named after it."""
-    recipe = Recipe("rgb-1", "rgb", "small", 1, False, 1, "affordance", 1, "interactions")
+    recipe = Recipe("rgb-1", "rgb", "small", 1, False, 1, "affordance", 1, "interactions", False, False, 0)
     made = sor3d_train.run(dataset, replace(PARAMS, steps=2, validate_every=2), Scratch(tmp_path), recipe)
     assert made.log.name == "rgb-1" and checkpoint.load_model(made.files.find("model/config.json").path.parent).motion is None
 

@@ -131,7 +131,7 @@ def test_clip_without_backbones_is_trained_whole(dataset: FileTree, tmp_path: Pa
 
 @pytest.mark.parametrize("row", ["vlm", "lisa"])
 def test_rows_with_a_language_model_are_trained_and_scored(dataset: FileTree, tmp_path: Path, row: str) -> None:
-    """From tiny random parts to a line of the report; lisa learns no taxonomy."""
+    """Tiny random parts end as a line of the report; lisa learns no taxonomy."""
     recipe = replace(recipes((row,), 1)[0], steps=2)
     params = replace(PARAMS, steps=9, batch=2, accumulate=1, val_samples=2)
     trained = model_train.run(dataset, params, Scratch(tmp_path / "trained"), recipe)

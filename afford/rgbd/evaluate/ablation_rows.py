@@ -38,7 +38,7 @@ def row_label(recipe: Recipe) -> str:
 def _recipe(name: str, seed: int, variant: str) -> Recipe:
     data = "actions" if name == PRETRAINED else "interactions"
     return Recipe(name=f"{name}-{seed}", row=WHOLE if name == PRETRAINED else name, variant=variant, hypotheses=1, text=False,
-                  decoders=1, target="affordance", seed=seed, data=data)  # fmt: skip
+                  decoders=1, target="affordance", seed=seed, data=data, pretrained=False, taxonomy=False, steps=0)  # fmt: skip
 
 
 PUBLISHED_MODEL: dict[str, tuple[float, float, float]] = {"video": (0.72, 0.80, 0.81), "static": (0.54, 0.58, 0.59)}
