@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from afford.grasping.hand.kinematics import forward_kinematics
 from afford.grasping.imitation.imitate_env import ID, HandImitation, HandImitationVector
+from afford.grasping.imitation.keypoints import keypoint_links
 from afford.grasping.imitation.tracking import PATIENCE_S, REWARDS, Tracking, imitation_rewards, tolerance_m, tracking_failed
 from tests.helpers.made_grasps import reference
 from tests.helpers.made_hands import shadow
@@ -25,7 +26,7 @@ ACTIONS = np.random.default_rng(1).uniform(-1, 1, (12, 2, 24)).astype(np.float32
 def tracking(**given: Any) -> Tracking:
     """A hand that is where it should be and at rest, but for what is given."""
     there: dict[str, Any] = {
-        "level_1_m": [[0.0] * 5], "level_2_m": [[0.0] * 5], "wrist_m": [0.0], "wrist_rad": [0.0], "linear_m_s": [[0.0] * 3],
+        "level_1_m": [[0.0] * 5], "level_2_m": [[0.0] * 5], "keypoints_1_m": [[0.0] * 10], "keypoints_2_m": [[0.0] * 12], "wrist_m": [0.0], "wrist_rad": [0.0], "linear_m_s": [[0.0] * 3],
         "angular_rad_s": [[0.0] * 3], "joints_rad_s": [[0.0] * 22], "power_w": [0.0], "wrist_power_w": [0.0]}  # fmt: skip
     return Tracking(**{name: np.array(value, float) for name, value in (there | given).items()})
 
@@ -35,9 +36,32 @@ def env(frames: int = 90, **config: Any) -> HandImitation:
 
 
 def test_paper_reward_by_hand() -> None:
-    """Five fingers 10 cm off at level 1, exact at level 2, 3 W: 0.8 (5 exp(-0.5) + 5) - 0.15."""
-    found = imitation_rewards("paper", tracking(level_1_m=[[0.1] * 5], power_w=[2.0], wrist_power_w=[1.0]))
-    assert sum(term[0] for term in found.values()) == pytest.approx(0.8 * (5 * np.exp(-0.5) + 5) - 0.15)
+    """Ten keypoints 10 cm off at level 1, one of twelve 5 cm off at level 2, 3 W; best is 0.8 x 22."""
+    off = tracking(keypoints_1_m=[[0.1] * 10], keypoints_2_m=[[0.05, *[0.0] * 11]], power_w=[2.0], wrist_power_w=[1.0])
+    found = imitation_rewards("paper", off)
+    assert sum(term[0] for term in found.values()) == pytest.approx(0.8 * (10 * np.exp(-0.5) + np.exp(-0.1) + 11) - 0.15)
+    assert sum(term[0] for term in imitation_rewards("paper", tracking()).values()) == pytest.approx(0.8 * 22)
+
+
+def test_keypoints_are_the_22_links_of_finger_joints() -> None:
+    """Each link that a finger joint carries, once; a hand that is at its reference has no error at any of them."""
+    hand = shadow()
+    links, level_1 = keypoint_links(hand)
+    carried = [child for child, role in zip(hand.joints.child, hand.joints.role, strict=True) if role in ("actuated", "coupled")]
+    assert sorted(links) == sorted(carried) and (len(links), level_1) == (22, 10)
+    made = env(random_start=False)
+    made.reset(seed=0)
+    now = made.core.tracking()
+    assert now.keypoints_1_m.shape == (1, 10) and now.keypoints_2_m.shape == (1, 12)
+    assert max(now.keypoints_1_m.max(), now.keypoints_2_m.max()) < 1e-6
+    made.close()
+
+
+def test_keypoints_of_another_hand_are_one_of_each_level_per_finger() -> None:
+    """Without the links of the Shadow Hand, the base and the middle joint of each finger."""
+    hand = replace(shadow(), links=tuple(f"link_{k}" for k in range(len(shadow().links))))
+    links, level_1 = keypoint_links(hand)
+    assert level_1 == 5 and links.tolist() == [*hand.fingers.base_link, *hand.fingers.middle_link]
 
 
 def test_code_reward_by_hand() -> None:

@@ -28,6 +28,7 @@ from afford.grasping.hand.kinematics import commanded_columns
 from afford.grasping.imitation.tracking import (
     FIELDS,
     FINAL_TOLERANCE_M,
+    KEYPOINTS,
     REWARDS,
     ReferenceClips,
     Tracker,
@@ -40,7 +41,7 @@ from afford.grasping.sim.scene import Physics
 from afford.grasping.sim.scripted import Aim
 from schemas.hand import HandModel, HandReference
 
-POINTS = ("level_1_m", "level_2_m", "tips_m")
+POINTS = ("level_1_m", "level_2_m", "tips_m", KEYPOINTS)
 
 
 @dataclass(frozen=True)

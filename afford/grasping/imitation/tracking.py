@@ -1,7 +1,8 @@
 """Tracking of reference motion: reference clips, tracking errors of robot hands, imitation rewards (AffordDex, HTI), and failure.
 
-The reward `paper` has squared distances of two levels of joints of every finger, and the power of all motors. The reward `code` is
-that of the released code: mean distances that are not squared, and also the wrist's pose and the speeds.
+The reward `paper` has squared distances of 22 keypoints of two levels (keypoints.py), and a smoothness term, which is the power of
+all motors. The reward `code` is that of the released code: mean distances that are not squared, and also the wrist's pose and the
+speeds. Errors of tracking, in rewards, failure and tables alike, are those of one joint per finger and level.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from afford.grasping.hand.kinematics import commanded_columns, forward_kinematics, jacobian, moving_joints, points_on_links
+from afford.grasping.imitation.keypoints import keypoint_links, keypoints_of_joints, keypoints_of_links
 from afford.grasping.sim.engine import CONTROL_S, State
 from schemas.hand import HandModel, HandReference
 
@@ -33,6 +35,10 @@ class Tracking:
     """(n, f) distances of the joints where fingers leave the palm"""
     level_2_m: np.ndarray
     """(n, f) distances of the joints one phalanx further"""
+    keypoints_1_m: np.ndarray
+    """(n, 10) distances of the keypoints of level 1"""
+    keypoints_2_m: np.ndarray
+    """(n, 12) distances of the keypoints of level 2"""
     wrist_m: np.ndarray
     """(n,) distance of the palm"""
     wrist_rad: np.ndarray
@@ -58,8 +64,8 @@ class Term(NamedTuple):
 
 
 TERMS: Mapping[str, Term] = {
-    "fingers": Term("sum over fingers of exp(-50 d^2) of level 1 and exp(-40 d^2) of level 2",
-                    lambda t: (np.exp(-50 * t.level_1_m**2) + np.exp(-40 * t.level_2_m**2)).sum(axis=1)),
+    "fingers": Term("sum over 22 keypoints of exp(-50 d^2) of level 1 and exp(-40 d^2) of level 2",
+                    lambda t: np.exp(-50 * t.keypoints_1_m**2).sum(axis=1) + np.exp(-40 * t.keypoints_2_m**2).sum(axis=1)),
     "smooth": Term("W, minus the sum of |torque x speed| of all motors", lambda t: -(t.power_w + t.wrist_power_w)),
     "level_1": Term("exp(-50 x mean distance) of level 1", lambda t: np.exp(-50 * t.level_1_m.mean(axis=1))),
     "level_2": Term("exp(-40 x mean distance) of level 2", lambda t: np.exp(-40 * t.level_2_m.mean(axis=1))),
@@ -99,7 +105,9 @@ def tracking_failed(tracking: Tracking, tolerance: float, running_s: np.ndarray)
 
 
 LEVELS = ("level_1_m", "level_2_m", "tips_m")
-FIELDS = ("T_world_palm", "palm_twist", "qd", *LEVELS[:2])
+KEYPOINTS = "keypoints_m"
+"""name of the keypoints (t, k, 3) of a reference, which are computed from its joints"""
+FIELDS = ("T_world_palm", "palm_twist", "qd", *LEVELS[:2], KEYPOINTS)
 """fields of a reference that `Tracker.compare` needs"""
 
 
@@ -108,7 +116,7 @@ class Tracker:
 
     def __init__(self, hand: HandModel) -> None:
         self.hand = hand
-        self._of_motor = commanded_columns(hand.joints)
+        self._of_motor, (_, self._level_1) = commanded_columns(hand.joints), keypoint_links(hand)
 
     def levels(self, T: np.ndarray) -> dict[str, np.ndarray]:
         """Poses of links (n, l, 4, 4) -> level -> joints of the fingers (n, f, 3), world."""
@@ -125,8 +133,10 @@ class Tracker:
         twist = self.palm_velocity(T, state) - wanted["palm_twist"]
         power = np.abs(state.torque * state.qd[:, self._of_motor])
         level_1, level_2 = (np.linalg.norm(places - wanted[name], axis=2) for name, places in self.levels(T).items())
+        points = np.linalg.norm(keypoints_of_links(self.hand, T) - wanted[KEYPOINTS], axis=2)
         return Tracking(
-            level_1_m=level_1, level_2_m=level_2, wrist_m=np.linalg.norm(state.palm[:, :3] - palm[:, :3, 3], axis=1),
+            level_1_m=level_1, level_2_m=level_2, keypoints_1_m=points[:, : self._level_1], keypoints_2_m=points[:, self._level_1 :],
+            wrist_m=np.linalg.norm(state.palm[:, :3] - palm[:, :3, 3], axis=1),
             wrist_rad=turn.magnitude(), linear_m_s=twist[:, :3], angular_rad_s=twist[:, 3:],
             joints_rad_s=(state.qd - wanted["qd"])[:, 6:],
             power_w=power[:, 6:].sum(axis=1), wrist_power_w=power[:, :6].sum(axis=1))  # fmt: skip
@@ -151,6 +161,7 @@ class ReferenceClips:
         for one in references:
             _check(hand, one)
         self.references = tuple(references)
+        self._keypoints = [keypoints_of_joints(hand, one.q) for one in references]
         self.steps = np.array([int((len(r.q) - 1) / r.rate_hz / CONTROL_S + 1e-9) + 1 for r in references])
 
     def at(self, name: str, clip: np.ndarray, step: np.ndarray) -> np.ndarray:
@@ -159,7 +170,7 @@ class ReferenceClips:
 
     def _row(self, name: str, clip: int, step: int) -> np.ndarray:
         one = self.references[clip]
-        rows: np.ndarray = getattr(one, name)
+        rows: np.ndarray = self._keypoints[clip] if name == KEYPOINTS else getattr(one, name)
         return rows[min(round(step * CONTROL_S * one.rate_hz), len(rows) - 1)]
 
 
