@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from afford.common.folders import IMAGE_SUFFIXES, PACK_SUFFIXES, VIDEO_SUFFIXES, entries, media_of
@@ -20,7 +21,8 @@ OWN_ROOMS = {"train-set": "afford-stills", "benchmark-set": "afford-stills-bench
              "negative-affordance": "procedural-objects", "interactions": "interactions",
              "sor3d": "sor3d", "sor3d-ablation": "sor3d-ablation", "static-sets": "static-sets"}
 """targets that always render their own data -> name of their outputs"""
-NEEDED = {"motions": "motion of hands or a video of hands, see docs/grasping/motion.md"}
+NEEDED = {"motions": "motion of hands or a video of hands, see docs/grasping/motion.md",
+          "grasp-prior": "recorded motion and the meshes of its objects, or a video of hands, see docs/grasping/imitation.md"}
 """targets that need a source -> description of the source"""
 SEQUENCES = ("interactions", "sor3d", "sor3d-ablation")
 """targets that read or render RGB-D sequences"""
@@ -43,6 +45,8 @@ def origin(target: str, source: Path | None, settings: Settings, digest: Callabl
         return _meshes(source, digest)
     if target == "motions":
         return _motions(source, settings, digest, clips)
+    if target == "grasp-prior":
+        return _recorded_grasps(source, settings, digest, clips)
     if target == "static-sets":
         return _pictures(target, source, settings, digest), None
     if target in SEQUENCES:
@@ -128,6 +132,27 @@ def _motions(source: Path | None, settings: Settings, digest: Callable[[Path], s
     if files is None:
         files = FileTree(source.stem, (FileRef(source.name, digest(source), source.stat().st_size, source),))
     return Origin(files.name, motions=files), None
+
+
+def _recorded_grasps(source: Path | None, settings: Settings, digest: Callable[[Path], str],
+                     clips: tuple[str, ...]) -> tuple[Origin, Source | None]:  # fmt: skip
+    """Recorded motion as for `motions`, and the scans in its subfolders named `...meshes`, without those for evaluation."""
+    from afford.grasping.imitation.recorded_clips import is_evaluation_scan
+
+    if source is None:
+        return Origin("grasp-prior"), None
+    data = settings.grasping.human_motion.data
+    if data not in ("synthetic", "recorded", "both"):
+        raise UsageError(f"human_motion.data: expected synthetic, recorded or both, got {data!r}")
+    own = settings.grasping.recordings_read.format
+    reading = replace(settings.grasping.motion_read, backend=own)
+    found, videos = _motions(source, settings.with_stages(motion_read=reading), digest, clips)
+    folders = [one for one in sorted(source.iterdir()) if one.is_dir() and one.name.endswith("meshes")] if source.is_dir() else []
+    scans = [tree for folder in folders for tree in _meshes(folder, digest)[0].meshes if not is_evaluation_scan(tree.name)]
+    if found.motions is None:
+        return found._replace(meshes=tuple(scans)), videos
+    kept = tuple(one for one in found.motions.files if one.name.partition("/")[0] not in {folder.name for folder in folders})
+    return found._replace(meshes=tuple(scans), motions=FileTree(found.name, kept)), videos
 
 
 def _has_video(source: Path) -> bool:

@@ -39,6 +39,10 @@ def resolve_weights(chosen: Settings, digest: Callable[[Path], str], target: str
         found["held"] = _files("hand_detect.held", held, digest)
         named["hand_detect"] = dataclasses.replace(chosen.extraction.hand_detect, held=_label(held))
     found |= _shipped(chosen, digest, target)
+    people = chosen.grasping.human_motion
+    if people.prior:
+        found["prior"] = _files("human_motion.prior", people.prior, digest)
+        named["human_motion"] = dataclasses.replace(people, prior=_label(people.prior))
     for stage in SYSTEM_OF:
         params = named.get(stage, chosen.params(stage))
         if getattr(params, "backbones", ""):

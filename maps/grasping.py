@@ -1,7 +1,7 @@
 """Graph of the grasping system: objects and human motion -> prior, teachers, students -> evaluations and the report.
 
 Targets: `grasp` (a teacher with and without negative rewards), `grasp-full` (all rows of the tables), `grasp-play` (a film of the
-shipped teacher), `motions` (recorded motion in the joints of the robot hand).
+shipped teacher), `grasp-prior` (a prior of recorded motion), `motions` (recorded motion in the joints of the robot hand).
 """
 
 from __future__ import annotations
@@ -20,10 +20,11 @@ from runner import Graph
 from schemas.episodes import ClipsFollowed, GraspEpisodes, GraspExam, GraspJudgement, TwoTasksShown
 from schemas.files import FileTree
 from schemas.grasp import LEVELS, GraspObject, GraspTask
-from schemas.hand import GraspTarget, HandModel, HandMotion, ReferenceSet, Retargeted
+from schemas.hand import GraspClips, GraspTarget, HandModel, HandMotion, ReferenceSet, Retargeted, RetargetReport
 from schemas.mesh import ObjectSpec
 from schemas.training import Trained, TrainingLog
 from stages.grasping import (
+    clip_proof,
     grasp_evaluate,
     grasp_judge,
     grasp_report,
@@ -43,10 +44,13 @@ from stages.grasping import (
     motion_report,
     motion_synthesise,
     object_solids,
+    prior_report,
+    recordings_read,
     rl_grasp_refinement,
 )
+from stages.grasping import human_motion as recorded_motion
 from stages.recording import grasp_record, motion_record, policy_record, positive_record
-from stages.surface import part_describe, positive_affordance_projection
+from stages.surface import mesh_read, part_describe, positive_affordance_projection
 from stages.synthetic import object_build, object_plan
 
 HELD = ("brush", "chisel", "flashlight", "knife", "pizza_cutter", "screwdriver", "spatula")
@@ -195,12 +199,17 @@ class Setup(NamedTuple):
     prior: Trained
     teachers: dict[tuple[str, int], Trained]
     """teacher of each (row, seed), for the students that learn from it"""
+    trains_prior: bool = True
+    """false where a trained prior is given (human_motion.prior)"""
 
 
 def setup(g: Graph, p: Settings) -> Setup:
-    """Build hand, objects and human motion, and train the frozen prior on them."""
+    """Build hand, objects and human motion, and train the frozen prior on them, unless one is given."""
     hand, objects = robot_hand(g, p), grasp_objects(g, p)
     people = human_motion(g, hand, objects.train, p)
+    if "prior" in dict(p.weights):
+        given = g.leaf("prior", Trained(dict(p.weights)["prior"], TrainingLog("prior", (), 0, 0)))
+        return Setup(hand, objects, people, given, {}, trains_prior=False)
     prior = g.add(hand_imitation.run, hand=hand, bodies=g.collect(objects.train), targets=people.targets,
                   references=people.references, params=p.grasping.hand_imitation, ctx=g.ctx)  # fmt: skip
     return Setup(hand, objects, people, prior, {})
@@ -399,7 +408,7 @@ def report(g: Graph, target: str, s: Setup, results: Results, followed: Iterable
     planned, episodes = zip(*results.episodes, strict=True)
     pairs = g.finished("pairs", [g.pick(one, lambda t: t.pairs) for one in results.two_tasks])
     sheets = g.finished("sheets", [g.pick(one, lambda t: t.sheet) for one in results.two_tasks[:1]])
-    logs = g.finished("logs", [g.pick(s.prior, lambda t: t.log), *results.logs])
+    logs = g.finished("logs", [*([g.pick(s.prior, lambda t: t.log)] if s.trains_prior else []), *results.logs])
     first = episodes[0]
     page = g.add(grasp_report.run, episodes=g.finished("episodes", episodes), logs=logs, pairs=pairs, sheets=sheets,
                  followed=g.finished("followed", followed), judged=judgements(g, s, first, p), params=p.grasping.grasp_report,
@@ -411,7 +420,8 @@ def report(g: Graph, target: str, s: Setup, results: Results, followed: Iterable
     control_rates(g, reported(g, page), results.episodes)
     motions = record_motions(g, s.hand, s.people.motion, s.people.clip, motion_synthesise=p.grasping.motion_synthesise,
                              hand_retarget=p.grasping.hand_retarget)  # fmt: skip
-    recordings = [record_policy(g, s, "hand_imitation", s.prior, p.grasping.hand_imitation), *results.recordings]
+    curves = [record_policy(g, s, "hand_imitation", s.prior, p.grasping.hand_imitation)] if s.trains_prior else []
+    recordings = [*curves, *results.recordings]
     g.target(target, page, shown, prior, g.finished("policies", results.published), record_run(g, "grasp_report", page), motions,
              g.finished("recordings", recordings), *others)  # fmt: skip
 
@@ -421,6 +431,54 @@ def control_rates(g: Graph, page: FileTree, episodes: Iterable[tuple[GraspExam, 
     for engine, prefix in (("bullet", ""), ("mujoco", "mujoco.")):
         g.cost(f"{prefix}control_steps_per_s", [made for exam, made in episodes if exam.engine == engine],
                (page, f"control_steps.{engine}"), rate=True)  # fmt: skip
+
+
+def grasp_prior(g: Graph, origin: Origin, p: Settings) -> None:
+    """Prior that learns from recorded motion of the source, synthetic clips, or both; a report of all clips."""
+    hand, objects, data = robot_hand(g, p), grasp_objects(g, p), p.grasping.human_motion.data
+    made = human_motion(g, hand, objects.train, p)
+    tools, lift = g.collect(objects.train), p.grasping.hand_retarget
+    bodies, targets, references, others = [tools], [made.targets], [made.references], list[Any]()
+    recordings = [record_motions(g, hand, made.motion, made.clip, motion_synthesise=p.grasping.motion_synthesise,
+                                 hand_retarget=lift)]  # fmt: skip
+    if data != "synthetic":
+        scans, found, left_out = recorded_grasps(g, origin, hand, made.targets, p)
+        motion = g.each(g.pick(found, lambda c: c.motions))
+        clip = g.named("recorded_retarget").add(hand_retarget.run, motion=motion, hand=hand, params=lift)
+        report = g.named("recorded_report").add(motion_report.run, clips=g.collect(clip), params=p.grasping.motion_report)
+        bodies, targets = [*bodies, scans], [*targets, g.pick(found, lambda c: c.targets)]
+        references, others = [*references, report] if data == "both" else [report], left_out
+        shown = record_motions(g, hand, motion, clip, human_motion=p.grasping.human_motion, hand_retarget=lift)
+        recordings = [*recordings, shown] if data == "both" else [shown]
+    proven = g.add(clip_proof.run, hand=hand, bodies=tuple(bodies), targets=tuple(targets), references=tuple(references),
+                   others=tuple(others) or g.leaf("no_verdicts", ()), params=p.grasping.clip_proof)  # fmt: skip
+    params = replace(p.grasping.hand_imitation, proofs=0)
+    prior = g.add(hand_imitation.run, hand=hand, bodies=g.pick(proven, lambda c: c.bodies),
+                  targets=g.pick(proven, lambda c: c.targets), references=g.pick(proven, lambda c: c.references), params=params,
+                  ctx=g.ctx)  # fmt: skip
+    page = reported(g, g.add(prior_report.run, references=g.pick(proven, lambda c: c.references),
+                             params=prior_report.Params(origin.name), ctx=g.ctx))  # fmt: skip
+    files = g.publish(g.pick(prior, lambda t: t.files), "models/{source}-prior", as_="prior")
+    curves = record_policy(g, Setup(hand, objects, made, prior, {}), "hand_imitation", prior, params)
+    g.target("grasp-prior", page, files, curves, record_run(g, "prior_report", page), *recordings)
+
+
+def recorded_grasps(g: Graph, origin: Origin, hand: HandModel, places: tuple[GraspTarget, ...],
+                    p: Settings) -> tuple[tuple[GraspObject, ...], GraspClips, list[RetargetReport]]:  # fmt: skip
+    """Read the scans and the recordings of a source; the scans, the clips of grasps, and reports of what was left out."""
+    read = g.named("scan_read").add(mesh_read.run, files=g.each(g.leaf("scans", origin.meshes)), params=p.surface.mesh_read)
+    mesh, parts = g.pick(read, lambda m: m.mesh), g.pick(read, lambda m: m.parts)
+    scans = g.collect(g.named("scan_solids").add(object_solids.run, mesh=mesh, parts=parts, params=p.grasping.object_solids))
+    unread = list[RetargetReport]()
+    if origin.videos:
+        motions = g.collect(video_motions(g, origin, p).motion)
+    else:
+        files = g.leaf("recordings", origin.motions or FileTree(origin.name, ()))
+        found = g.add(recordings_read.run, files=files, params=p.grasping.recordings_read)
+        motions, unread = g.pick(found, lambda m: m.motions), [g.pick(found, lambda m: m.report)]
+    clips = g.add(recorded_motion.run, motions=motions, scans=scans, places=places, hand=hand,
+                  params=replace(p.grasping.human_motion, data="both", prior=""))  # fmt: skip
+    return scans, clips, [*unread, g.pick(clips, lambda c: c.report)]
 
 
 class MotionSource(NamedTuple):

@@ -8,6 +8,7 @@ from schemas.episodes import ClipsFollowed, GraspEpisodes, GraspExam, GraspJudge
 from schemas.files import FileRef, FileTree
 from schemas.grasp import GraspCandidates, GraspComparison, GraspObject, GraspObjects, GraspScene, GraspTask, HandCandidates
 from schemas.hand import (
+    GraspClips,
     GraspTarget,
     HandFingers,
     HandJoints,
@@ -15,6 +16,8 @@ from schemas.hand import (
     HandModel,
     HandMotion,
     HandReference,
+    MotionsRead,
+    ProvenClips,
     ReferenceSet,
     Retargeted,
     RetargetReport,
@@ -59,13 +62,13 @@ from schemas.video import Annotation, Clip, Footage, Frames, Inpainted, KeyFrame
 SCHEMAS: tuple[type[Schema], ...] = (
     ActionClip, Affordances, Annotation, Case, Clip, ClipScores, ClipTruth, ClipsFollowed, CompleteObjects, Curve,
     DetectedHands, DistanceField, Entity, FileRef, FileTree, FlowScore, Footage, FrameLabels, Frames, GraspCandidates,
-    GraspComparison, GraspEpisodes, GraspExam, GraspJudgement, GraspObject, GraspObjects, GraspScene, GraspTarget,
-    GraspTask, GraspTrace, HandCandidates, HandFingers, HandJoints, HandLandmarks, HandLessons, HandMesh, HandModel,
-    HandMotion, HandReference, HandRoom, HandTracks, Inpainted, InteractionClip, InteractionScores, InteractionSpec,
-    InteractionTruth, KeyFrame, MeshParts, MeshReport, MethodScores, Mode, MotionRemarks, Narration, NegativeAffordance,
-    NegativeAffordances, NegativeScore, NegativeScores, ObjectMesh, ObjectSpec, ObjectViews, PartCandidates,
-    PartDescription, PartDescriptions, PartLessons, PartNote, PartScores, PartedMesh, Picture, Polygon, PositiveAffordance,
-    PositiveAffordances, Prediction, ReadMesh, Recipe, ReferenceSet, RenderedClip, RenderedInteraction, Repair,
-    RetargetReport, RetargetVerdict, Retargeted, Sample, Samples, SceneFlow, SceneSpec, Score, Sheet, ShownAnswer,
-    StaticSample, StaticSet, Still, StillSpec, Stills, Tracks, Trained, TrainingLog, TwoTasks, TwoTasksShown,
-    VideoMotions)  # fmt: skip
+    GraspClips, GraspComparison, GraspEpisodes, GraspExam, GraspJudgement, GraspObject, GraspObjects, GraspScene,
+    GraspTarget, GraspTask, GraspTrace, HandCandidates, HandFingers, HandJoints, HandLandmarks, HandLessons, HandMesh,
+    HandModel, HandMotion, HandReference, HandRoom, HandTracks, Inpainted, InteractionClip, InteractionScores,
+    InteractionSpec, InteractionTruth, KeyFrame, MeshParts, MeshReport, MethodScores, Mode, MotionRemarks, MotionsRead,
+    Narration, NegativeAffordance, NegativeAffordances, NegativeScore, NegativeScores, ObjectMesh, ObjectSpec,
+    ObjectViews, PartCandidates, PartDescription, PartDescriptions, PartLessons, PartNote, PartScores, PartedMesh,
+    Picture, Polygon, PositiveAffordance, PositiveAffordances, Prediction, ProvenClips, ReadMesh, Recipe, ReferenceSet,
+    RenderedClip, RenderedInteraction, Repair, RetargetReport, RetargetVerdict, Retargeted, Sample, Samples, SceneFlow,
+    SceneSpec, Score, Sheet, ShownAnswer, StaticSample, StaticSet, Still, StillSpec, Stills, Tracks, Trained,
+    TrainingLog, TwoTasks, TwoTasksShown, VideoMotions)  # fmt: skip

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from schemas.grasp import GraspObject
 from schemas.spec import Schema, array, value
 
 if TYPE_CHECKING:
@@ -180,3 +181,29 @@ class ReferenceSet(Schema):
     name: str = value("name of the hand")
     references: tuple[HandReference, ...] = value("by name")
     report: RetargetReport = value("what was kept and what was dropped")
+
+
+@dataclass(frozen=True)
+class MotionsRead(Schema):
+    """Output of recordings_read: the motions of a source, and a verdict on every recording that cannot be used."""
+
+    report: RetargetReport = value("verdicts of unusable recordings; none is kept")
+    motions: tuple[HandMotion, ...] = value("all others, in the order of the source")
+
+
+@dataclass(frozen=True)
+class GraspClips(Schema):
+    """Output of human_motion: clips of recorded grasps, and a verdict on every motion that does not become one."""
+
+    report: RetargetReport = value("verdicts of the motions that were left out; none is kept")
+    targets: tuple[GraspTarget, ...] = value("place of the grasp of each clip, by the name of its motion")
+    motions: tuple[HandMotion, ...] = value("reach, close, hold and lift; each is named <target>_000")
+
+
+@dataclass(frozen=True)
+class ProvenClips(Schema):
+    """Output of clip_proof: everything that a prior learns from."""
+
+    references: ReferenceSet = value("clips that lift their object; the report has every verdict")
+    bodies: tuple[GraspObject, ...] = value("objects of these clips")
+    targets: tuple[GraspTarget, ...] = value("targets of these clips")

@@ -91,8 +91,8 @@ def _hash_tagged(hasher: blake3, tag: str, data: bytes) -> None:
     hasher.update(f"{tag}:{len(data)}:".encode() + data)
 
 
-BUNDLES = ("DetectedHands", "PartedMesh", "ReadMesh", "RenderedClip", "RenderedInteraction", "Trained", "TwoTasksShown",
-           "VideoMotions")
+BUNDLES = ("DetectedHands", "GraspClips", "MotionsRead", "PartedMesh", "ProvenClips", "ReadMesh", "RenderedClip",
+           "RenderedInteraction", "Trained", "TwoTasksShown", "VideoMotions")
 """schemas whose fields are artifacts of their own, so that a stage may depend on one of them alone"""
 
 LAZY_FIELDS = {"Samples": "samples"}

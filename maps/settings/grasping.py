@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from stages.grasping import (
+    clip_proof,
     grasp_evaluate,
     grasp_judge,
     grasp_report,
@@ -16,11 +17,13 @@ from stages.grasping import (
     hand_model,
     hand_motion,
     hand_retarget,
+    human_motion,
     imitation_evaluate,
     motion_read,
     motion_report,
     motion_synthesise,
     object_solids,
+    recordings_read,
     rl_grasp_refinement,
 )
 from stages.grasping.hand_retarget import Params as Retarget
@@ -50,6 +53,9 @@ class Grasping:
     motion_read: motion_read.Params = motion_read.Params()
     hand_motion: hand_motion.Params = hand_motion.Params()
     motion_retarget: Retarget = RECORDED
+    recordings_read: recordings_read.Params = recordings_read.Params()
+    human_motion: human_motion.Params = human_motion.Params()
+    clip_proof: clip_proof.Params = clip_proof.Params()
     motion_report: motion_report.Params = motion_report.Params()
     hand_imitation: hand_imitation.Params = hand_imitation.Params()
     rl_grasp_refinement: rl_grasp_refinement.Params = rl_grasp_refinement.Params()

@@ -1,7 +1,7 @@
 """a hand, objects and human grasps of them -> the prior, a policy that imitates human motion (AffordDex, stage 1: HTI).
 
 Reads   HandModel; GraspObjects; GraspTargets and the ReferenceSet of their clips, each clip named <target>_<number> and in the
-        frame of its target's world
+        frame of its target's world; clips of a source other than `synthetic` are recorded ones, which have a place of their own
 Writes  Trained: policy.json (network, facts: role, layout, rates, steps, start), policy.safetensors, tensorboard/; curves
 Method  clips that do not lift their object in simulation are dropped; then DAgger (the expert follows the clip; along the object
         it makes the clip's moves from wherever the hand is), then PPO with imitation rewards. The object is present and observed
@@ -12,7 +12,7 @@ Paper   AffordDex, HTI: PPO alone, imitation and smoothness; clips of OakInk2; t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from schemas.grasp import GraspObject
 from schemas.hand import GraspTarget, HandModel, ReferenceSet
@@ -48,11 +48,19 @@ class Params:
     nudged: float = 0.5
     """share of episodes in which the hand is moved along the object on its way down"""
     reinforcing: int = 0
-    """updates of PPO; 30 of them made the prior worse (docs/grasping/imitation.md)"""
+    """updates of PPO; they have made the prior no better (docs/grasping/imitation.md)"""
     critic: int = 6
-    """first updates of PPO, in which only the critic learns"""
+    """first updates of PPO, at most, in which only the critic learns"""
+    settled: float = 0.5
+    """explained variance of returns from which the critic has settled and the policy learns"""
+    anchor: float = 1.0
+    """weight of the squared difference from the expert's actions in PPO; without it grasps are lost"""
     ppo_lr: float = 1e-4
     """learning rate of PPO; it falls to 0"""
+    ppo_kl: float = 0.02
+    """beyond 1.5 times this divergence an update of PPO changes the critic only"""
+    ppo_std: float = 0.05
+    """standard deviation of actions in PPO"""
     reward: str = "paper"
     """paper: fingers and power; code: what AffordDex's code has (docs/grasping/grasp-environments.md)"""
     worlds: int = 24
@@ -64,7 +72,7 @@ class Params:
     hidden: tuple[int, ...] = (256, 256)
     """widths of the hidden layers"""
     std: float = 0.12
-    """standard deviation of actions at the start of PPO"""
+    """standard deviation of actions of the cloned policy; PPO has its own"""
     proofs: int = 1
     """a clip is kept when this many simulated episodes of it end with the object held, in each engine; 0 keeps all clips"""
     proof_engines: tuple[str, ...] = ("mujoco", "bullet")
@@ -88,8 +96,10 @@ def run(hand: HandModel, bodies: tuple[GraspObject, ...], targets: tuple[GraspTa
 
     _check(params)
     with deterministic(1, "cpu"):  # the second thread computes worlds, so torch gets one
-        data = prior_data(hand, bodies, targets, references.references, _env_config(params), params.proofs, params.proof_engines,
-                          params.worlds, params.seed)
+        recorded = tuple(one.name for one in references.report.verdicts if one.kept and one.source != "synthetic")
+        config = replace(_env_config(params), fixed=recorded)
+        data = prior_data(hand, bodies, targets, references.references, config, params.proofs, params.proof_engines, params.worlds,
+                          params.seed)
         model = new_prior(data.core, params.hidden, params.std, params.seed)
         points = [*data.points, *train_prior(data.core, model, _training_config(params), ctx.scratch, ctx.progress)]
         data.core.close()
@@ -110,15 +120,19 @@ def _training_config(p: Params):  # type: ignore[no-untyped-def]  # as above
     from afford.grasping.imitation.train_prior import PriorTrainingConfig
     from afford.grasping.rl.ppo import PPOConfig
 
+    ppo = PPOConfig(updates=p.reinforcing, steps=p.steps, lr=p.ppo_lr, target_kl=p.ppo_kl)
     return PriorTrainingConfig(seed=p.seed, cloning=p.cloning, alone=p.alone, memory=p.memory, passes=p.passes, batch=p.batch,
-                               lr=p.lr, nudged=p.nudged, noise=p.noise, critic=p.critic,
-                               ppo=PPOConfig(updates=p.reinforcing, steps=p.steps, lr=p.ppo_lr))  # fmt: skip
+                               lr=p.lr, nudged=p.nudged, noise=p.noise, critic=p.critic, settled=p.settled, anchor=p.anchor,
+                               std=p.ppo_std, ppo=ppo)  # fmt: skip
 
 
 def _check(p: Params) -> None:
     for name, least in (("cloning", 1), ("memory", 1), ("passes", 1), ("batch", 1), ("worlds", 1), ("steps", 1), ("reinforcing", 0),
-                        ("alone", 0), ("critic", 0), ("proofs", 0), ("noise", 0), ("shift_m", 0)):  # fmt: skip
+                        ("alone", 0), ("critic", 0), ("proofs", 0), ("noise", 0), ("shift_m", 0), ("anchor", 0),
+                        ("ppo_kl", 0)):  # fmt: skip
         if not getattr(p, name) >= least:
             raise ValueError(f"hand_imitation, {name}: expected {least} or more, got {getattr(p, name)}")
+    if not p.ppo_std > 0:
+        raise ValueError(f"hand_imitation, ppo_std: expected a number above 0, got {p.ppo_std}")
     if not 0 <= p.nudged <= 1:
         raise ValueError(f"hand_imitation, nudged: expected a share of 0 to 1, got {p.nudged}")

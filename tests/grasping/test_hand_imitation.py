@@ -10,8 +10,10 @@ import pytest
 import torch
 
 from afford.grasping.env.obs_blocks import obs_blocks
+from afford.grasping.imitation.train_prior import explained_variance
 from afford.grasping.policies import load_policy
 from afford.grasping.rl import policy_files
+from afford.grasping.rl.ppo import ActorCritic, Rollout
 from afford.grasping.sim.scene import Physics
 from schemas.training import Trained
 from stages.grasping import hand_imitation
@@ -78,3 +80,27 @@ def test_set_without_a_lifting_clip_is_refused(tmp_path: Path) -> None:
     for name, value in (("worlds", 0), ("nudged", 2.0)):
         with pytest.raises(ValueError, match=name):
             trained(tmp_path, replace(SHORT, **{name: value}))  # type: ignore[arg-type]  # fields of Params
+
+
+def test_policy_waits_until_the_critic_has_settled(tmp_path: Path) -> None:
+    """The actor is unchanged while the critic explains too little; its loss falls."""
+    few = replace(SHORT, cloning=1, reinforcing=6, critic=6, worlds=4)
+    still, moved = (policy(trained(tmp_path / name, replace(few, settled=bound))) for name, bound in (("a", 2.0), ("b", -1e9)))
+    cloned = policy(trained(tmp_path / "c", replace(few, reinforcing=0)))
+    assert all(torch.equal(a, b) for a, b in zip(still.actor.parameters(), cloned.actor.parameters(), strict=True))
+    assert not all(torch.equal(a, b) for a, b in zip(moved.actor.parameters(), cloned.actor.parameters(), strict=True))
+    curves = {curve.name: curve.value for curve in trained(tmp_path / "a", replace(few, settled=2.0)).log.curves}
+    assert curves["ppo.critic"][-1] < 0.5 * curves["ppo.critic"][0] and (curves["ppo.explained_variance"] < 1).all()
+    assert not curves["ppo.settled"].any() and "ppo.anchor" not in curves
+
+
+def policy(made: Trained) -> ActorCritic:
+    return policy_files.read_policy(made.files)[0]
+
+
+def test_explained_variance() -> None:
+    """1 for exact values, 0 for their mean, below 0 for worse."""
+    target = torch.tensor([1.0, 2.0, 3.0])
+    for value, wanted in ((target, 1.0), (torch.full((3,), 2.0), 0.0), (-target, -3.0)):
+        made = Rollout(*[torch.zeros(3)] * 4, value, target, {})
+        assert explained_variance(made) == pytest.approx(wanted)

@@ -26,7 +26,8 @@ ACTIONS = np.random.default_rng(1).uniform(-1, 1, (12, 2, 24)).astype(np.float32
 def tracking(**given: Any) -> Tracking:
     """A hand that is where it should be and at rest, but for what is given."""
     there: dict[str, Any] = {
-        "level_1_m": [[0.0] * 5], "level_2_m": [[0.0] * 5], "keypoints_1_m": [[0.0] * 10], "keypoints_2_m": [[0.0] * 12], "wrist_m": [0.0], "wrist_rad": [0.0], "linear_m_s": [[0.0] * 3],
+        "level_1_m": [[0.0] * 5], "level_2_m": [[0.0] * 5], "keypoints_1_m": [[0.0] * 10], "keypoints_2_m": [[0.0] * 12],
+        "wrist_m": [0.0], "wrist_rad": [0.0], "linear_m_s": [[0.0] * 3],
         "angular_rad_s": [[0.0] * 3], "joints_rad_s": [[0.0] * 22], "power_w": [0.0], "wrist_power_w": [0.0]}  # fmt: skip
     return Tracking(**{name: np.array(value, float) for name, value in (there | given).items()})
 

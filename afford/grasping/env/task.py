@@ -110,10 +110,11 @@ def grasp_targets(hand: HandModel, body: GraspObject, engine: str, count: int, r
     for k in range(count):
         pose = placed_pose(body, rest, np.zeros(2), (k % 2) * np.pi - yaw)
         share = (2 * ((k + rng.random()) / count) - 1) * (1 - 2 * (k % 2))
-        yield _target(scene, pose, reach_m * share, thick_m, f"{body.name}_{k:02d}")
+        yield target_at(scene, pose, reach_m * share, thick_m, f"{body.name}_{k:02d}")
 
 
-def _target(scene: Scene, pose: np.ndarray, along_m: float, thick_m: tuple[float, float], name: str) -> GraspTarget:
+def target_at(scene: Scene, pose: np.ndarray, along_m: float, thick_m: tuple[float, float], name: str) -> GraspTarget:
+    """Build the target at a distance along an object at rest at a pose (7,) in the frame of an episode."""
     turn = Rotation.from_quat(pose[3:])
     spots = turn.apply(scene.body.points.astype(np.float64)) + pose[:3]
     x = aim_along_axis(scene, pose, along_m).place[0]

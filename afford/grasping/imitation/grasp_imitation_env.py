@@ -5,7 +5,7 @@ Observations and actions are those of AffordanceGrasp for the role prior, becaus
 A reference is a clip in the frame of an episode: the object's centre of mass is above the origin, and the object along x. An
 episode rotates and shifts the clip to the place of the object. The clip has no fixed place along the object: the hand begins
 anywhere along it, and a displacement of the hand on its way displaces the reference. A policy therefore learns to descend where
-the hand is.
+the hand is. Clips of recorded grasps (`fixed`) have one place: they are not shifted, and their expert pulls the hand back to it.
 """
 
 from __future__ import annotations
@@ -62,6 +62,8 @@ class GraspImitationConfig:
     """largest distance of the object from the origin, along x and along y"""
     shift_m: float = 0.0
     """largest shift of a clip along the object, both ways"""
+    fixed: tuple[str, ...] = ()
+    """names of clips with a place of their own along the object"""
     astray: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """standard deviations of the start from that of the clip: m of the wrist, rad of the wrist, rad of the fingers"""
     tolerance_m: float = FINAL_TOLERANCE_M
@@ -87,6 +89,7 @@ class GraspImitationWorlds:
         self.hand, self.config, self.clips = hand, config, ReferenceClips(hand, references)
         self._of_motor, self._tracker = commanded_columns(hand.joints), Tracker(hand)
         self._u = [self._steps(one) for one in self.clips.references]
+        self._fixed = np.array([one.name in config.fixed for one in self.clips.references])
         start = tuple(self._u[0][0].tolist())
         self.grasping = GraspWorlds(hand, tasks, GraspEnvConfig(
             engine=config.engine, physics=config.physics, base="prior", posture=start, role="prior", start="anywhere",
@@ -111,7 +114,7 @@ class GraspImitationWorlds:
             rng, config = rngs[k], self.config
             clip = self._of_world[k][int(rng.integers(len(self._of_world[k])))]
             yaw, origin = rng.uniform(-np.pi / 2, np.pi / 2), np.append(rng.uniform(-config.xy_m, config.xy_m, 2), 0.0)
-            shift = rng.uniform(-config.shift_m, config.shift_m)
+            shift = rng.uniform(-config.shift_m, config.shift_m) * (not self._fixed[clip])
             self._now.begin(k, clip, origin, shift)
             pose = _moved(self.clips.references[clip].object_pose[0], yaw, origin)
             posture = self._u[clip][0] + _astray(config.astray, self.motors, rng)
@@ -131,10 +134,14 @@ class GraspImitationWorlds:
         return StepResult(np.sum(list(terms.values()), axis=0), fails, out.truncated & ~fails, terms, out.success)
 
     def expert(self) -> np.ndarray:
-        """(n, m) action towards the reference a step ahead; along the object it makes the move of the reference from any place."""
+        """(n, m) action towards the reference a step ahead.
+
+        Along the object it makes the move of the reference from any place, unless the clip is fixed.
+        """
         after, before = self._u_at(1), self._u_at(0)
         action = self.grasping.towards(self._placed(after))
-        action[:, 0] = ((after - before)[:, 0] / self.grasping.rates[0, 0]).clip(-1, 1)
+        free = ~self._fixed[self._now.clip]
+        action[free, 0] = ((after - before)[free, 0] / self.grasping.rates[0, 0]).clip(-1, 1)
         return action
 
     def tracking(self) -> Tracking:

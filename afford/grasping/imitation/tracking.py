@@ -135,7 +135,8 @@ class Tracker:
         level_1, level_2 = (np.linalg.norm(places - wanted[name], axis=2) for name, places in self.levels(T).items())
         points = np.linalg.norm(keypoints_of_links(self.hand, T) - wanted[KEYPOINTS], axis=2)
         return Tracking(
-            level_1_m=level_1, level_2_m=level_2, keypoints_1_m=points[:, : self._level_1], keypoints_2_m=points[:, self._level_1 :],
+            level_1_m=level_1, level_2_m=level_2,
+            keypoints_1_m=points[:, : self._level_1], keypoints_2_m=points[:, self._level_1 :],
             wrist_m=np.linalg.norm(state.palm[:, :3] - palm[:, :3, 3], axis=1),
             wrist_rad=turn.magnitude(), linear_m_s=twist[:, :3], angular_rad_s=twist[:, 3:],
             joints_rad_s=(state.qd - wanted["qd"])[:, 6:],

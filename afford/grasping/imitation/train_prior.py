@@ -1,5 +1,8 @@
 """Train the prior by DAgger (Ross et al. 2011) from an expert that follows reference clips, then by PPO for imitation rewards.
 
+PPO begins with a critic alone, which is fitted by plain regression until it explains enough of the variance of returns: the clipped
+value loss of PPO moves values by 0.2 an update, far less than returns are. The reward does not see the object, so that PPO alone
+loosens grasps; the policy stays anchored to the expert's actions (compare DAPG, Rajeswaran et al. 2018).
 An update plays one episode in every world, and all randomness in it is a function of its number. A training that was killed
 therefore resumes to the same weights, bit for bit.
 """
@@ -17,6 +20,7 @@ import torch
 from torch import Tensor, nn
 
 from afford.grasping.env.gym_env import PPOEnvAdapter, VectorEnv, mean_report
+from afford.grasping.env.step_result import StepResult
 from afford.grasping.imitation.grasp_imitation_env import GraspImitationWorlds
 from afford.grasping.rl import policy_files, ppo
 from afford.grasping.rl.ppo import ActorCritic, PolicyConfig
@@ -34,6 +38,8 @@ from afford.training.state import (
 FILE = "checkpoint.safetensors"
 SAVE_EVERY = 20
 """updates between two checkpoints"""
+CRITIC_LR, CRITIC_PASSES = 1e-3, 20
+"""learning rate and passes over a rollout while only the critic learns"""
 Progress = Callable[[int, int], None]
 
 
@@ -59,7 +65,13 @@ class PriorTrainingConfig:
     noise: float
     """standard deviation of the noise that is added to actions"""
     critic: int
-    """first updates of PPO, in which only the critic learns"""
+    """first updates of PPO, at most, in which only the critic learns"""
+    settled: float
+    """explained variance of returns from which the critic has settled and the policy learns"""
+    anchor: float
+    """weight of the squared difference from the expert's actions in PPO"""
+    std: float
+    """standard deviation of actions in PPO"""
     ppo: ppo.PPOConfig
 
 
@@ -75,6 +87,8 @@ class PriorTraining:
     """(k, a) actions of the expert"""
     points: list[Point]
     update: int = 0
+    settled: bool = False
+    """whether the critic has settled"""
 
     def log(self, prefix: str, scalars: dict[str, float]) -> None:
         """Append scalars of this update to the curves."""
@@ -85,7 +99,7 @@ class PriorTraining:
         parts = {"now": trained_weights(self.model), "moments": optimizer_state(self.optimizer),
                  "memory": {"obs": self.obs, "label": self.label}}  # fmt: skip
         tensors = {f"{part}/{name}": tensor for part, found in parts.items() for name, tensor in found.items()}
-        save_checkpoint(folder / FILE, tensors, {"update": self.update, "points": self.points})
+        save_checkpoint(folder / FILE, tensors, {"update": self.update, "points": self.points, "settled": self.settled})
 
 
 def new_prior(core: GraspImitationWorlds, hidden: tuple[int, ...], std: float, seed: int) -> ActorCritic:
@@ -99,7 +113,7 @@ def train_prior(core: GraspImitationWorlds, model: ActorCritic, config: PriorTra
     """Train `model` in place; its curves. `folder` holds the checkpoint."""
     state = _resume(model, config, folder)
     total = config.cloning + config.ppo.updates
-    envs = PPOEnvAdapter(VectorEnv(core, len(core.grasping.tasks)), 0)
+    envs = LabellingEnv(core)
     while state.update < total:
         torch.manual_seed(derive_seed(config.seed, state.update))
         if state.update < config.cloning:
@@ -134,6 +148,7 @@ def _resume(model: ActorCritic, config: PriorTrainingConfig, folder: Path) -> Pr
     restore_optimizer(state.optimizer, parts["moments"])
     state.obs, state.label = parts["memory"]["obs"], parts["memory"]["label"]
     state.update, state.points = words["update"], [Point(*point) for point in words["points"]]
+    state.settled = words["settled"]
     return state
 
 
@@ -189,16 +204,68 @@ def _nudges(config: PriorTrainingConfig, n: int, steps: int, rng: np.random.Gene
     return found
 
 
-def _ppo_update(envs: PPOEnvAdapter, state: PriorTraining, config: PriorTrainingConfig) -> None:
-    """Collect one rollout of PPO, which is one episode of every world, and update."""
-    number = state.update - config.cloning
+class LabellingEnv(PPOEnvAdapter):
+    """Environment of PPO that keeps the expert's action in every state of a rollout."""
+
+    def __init__(self, core: GraspImitationWorlds) -> None:
+        super().__init__(VectorEnv(core, len(core.grasping.tasks)), 0)
+        self.core, self._labels = core, list[Tensor]()
+
+    def reset(self) -> np.ndarray:
+        """First observations (n, d) of a rollout."""
+        self._labels.clear()
+        return super().reset()
+
+    def step(self, action: np.ndarray) -> StepResult:
+        """Apply actions (n, a)."""
+        self._labels.append(torch.from_numpy(self.core.expert().astype(np.float32)))
+        return super().step(action)
+
+    @property
+    def labels(self) -> Tensor:
+        """(t n, a) actions of the expert, in the order of the rollout."""
+        return torch.stack(self._labels).flatten(0, 1)
+
+
+def _ppo_update(envs: LabellingEnv, state: PriorTraining, config: PriorTrainingConfig) -> None:
+    """Collect one rollout of PPO, which is one episode of every world, and update the critic alone, or both networks."""
+    number, model = state.update - config.cloning, state.model
+    if number == 0:
+        with torch.no_grad():
+            model.log_std.fill_(float(np.log(config.std)))
     envs.seed = derive_seed(config.seed, state.update, 1) % 2**31
-    actor = (*state.model.actor.parameters(), state.model.log_std)
-    for parameter in actor:
-        parameter.requires_grad_(number >= config.critic)
+    rollout, _ = ppo.collect_rollout(envs, model, envs.reset(), config.ppo)
+    explained = explained_variance(rollout)
+    state.settled = state.settled or explained > config.settled or number >= config.critic
+    scalars = rollout.metrics | {"explained_variance": explained, "settled": float(state.settled)}
     for group in state.optimizer.param_groups:
-        group["lr"] = config.ppo.lr * (1 - number / config.ppo.updates)
-    rollout, _ = ppo.collect_rollout(envs, state.model, envs.reset(), config.ppo)
-    state.log("ppo", rollout.metrics | ppo.update(state.model, state.optimizer, rollout, config.ppo))
-    for parameter in actor:
-        parameter.requires_grad_(True)
+        group["lr"] = config.ppo.lr * (1 - number / config.ppo.updates) if state.settled else CRITIC_LR
+    if state.settled:
+        scalars |= ppo.update(model, state.optimizer, rollout, config.ppo)
+        labels = envs.labels
+        scalars["anchor"] = _fit(state, config.batch, 1, lambda rows: config.anchor * nn.functional.mse_loss(
+            model.actions(rollout.obs[rows]).mean, labels[rows]), len(labels))  # fmt: skip
+    else:
+        scalars["critic"] = _fit(state, config.batch, CRITIC_PASSES, lambda rows: nn.functional.mse_loss(
+            model.value(rollout.obs[rows]), rollout.target[rows]), len(rollout.target))  # fmt: skip
+    state.log("ppo", scalars)
+
+
+def _fit(state: PriorTraining, batch: int, passes: int, loss_of: Callable[[Tensor], Tensor], count: int) -> float:
+    """Minimize a loss over rows in several passes; the mean loss."""
+    losses = list[float]()
+    state.model.train()
+    for _ in range(passes):
+        for rows in torch.randperm(count).split(batch):
+            loss = loss_of(rows)
+            state.optimizer.zero_grad()
+            loss.backward()
+            nn.utils.clip_grad_norm_(state.model.parameters(), 1.0)
+            state.optimizer.step()
+            losses.append(loss.item())
+    return float(np.mean(losses))
+
+
+def explained_variance(rollout: ppo.Rollout) -> float:
+    """Compute the share of the variance of the critic's targets that its values explain: 1 is perfect, 0 that of a constant."""
+    return float(1 - (rollout.target - rollout.value).var() / rollout.target.var().clamp(min=1e-12))

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from afford.grasping.motion.targets import grip_axes
-from schemas.hand import HandModel, HandMotion
+from schemas.hand import HandModel, HandMotion, RetargetReport, RetargetVerdict
 
 SMALL_M = 0.005
 """bones shorter than this may change in length at will: a webcam tracker measures them poorly"""
+UNKNOWN = -1.0
+"""a figure that was not computed"""
 
 
 @dataclass(frozen=True)
@@ -41,6 +45,19 @@ class BrokenRule:
 
     reason: str
     detail: str
+
+
+def dropped(name: str, source: str, rule: BrokenRule, frames: int = 0, mirrored: bool = False) -> RetargetVerdict:
+    """Build the verdict on a clip that was dropped before it was retargeted; its figures are unknown."""
+    return RetargetVerdict(name, source, False, rule.reason, rule.detail, mirrored, frames, *[UNKNOWN] * 5)
+
+
+def report_of(name: str, verdicts: Iterable[RetargetVerdict]) -> RetargetReport:
+    """Collect verdicts, by name, with the number of kept clips and of those dropped by each reason, most frequent first."""
+    ordered = tuple(sorted(verdicts, key=lambda verdict: verdict.name))
+    reasons = Counter(verdict.reason for verdict in ordered if not verdict.kept)
+    lines = tuple(f"{reason}: {number}" for reason, number in sorted(reasons.items(), key=lambda item: (-item[1], item[0])))
+    return RetargetReport(name, ordered, sum(verdict.kept for verdict in ordered), lines)
 
 
 def check_motion(motion: HandMotion, hand: HandModel, rules: ClipRules) -> BrokenRule | None:

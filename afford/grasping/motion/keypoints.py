@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import PurePosixPath
 from typing import Any
 
@@ -20,18 +21,27 @@ from afford.common.text import read_utf8
 from schemas.files import FileRef, FileTree
 from schemas.hand import KEYPOINTS, PHASES, HandMotion
 
-FIELDS = ("keypoints", "fps", "hand", "unit", "phase", "object_name", "object_pose", "palm")
+FIELDS = ("keypoints", "fps", "hand", "unit", "time", "phase", "object_name", "object_pose", "palm")
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 COLUMNS = tuple(f"{point}_{axis}" for point in KEYPOINTS for axis in "xyz")
 
 
 def read(files: FileTree) -> tuple[HandMotion, ...]:
     """Read one clip from each file; SourceError when there is none, or when one cannot be used."""
-    readers = {".npz": _npz, ".json": _json, ".csv": _csv}
-    found = [file for file in files.files if PurePosixPath(file.name).suffix.lower() in readers]
+    return tuple(motion for _, motions in parts(files) for motion in motions())
+
+
+def parts(files: FileTree) -> Iterator[tuple[str, Callable[[], tuple[HandMotion, ...]]]]:
+    """Yield the name and the reader of every file of keypoints; SourceError when there is none."""
+    found = [file for file in files.files if PurePosixPath(file.name).suffix.lower() in READERS]
     if not found:
         raise SourceError(files.name, "a file of keypoints (.npz, .json or .csv)", "other files", DOCS)
-    return tuple(_motion(file, readers[PurePosixPath(file.name).suffix.lower()](file)) for file in found)
+    for file in found:
+        yield file.name, partial(_read, file)
+
+
+def _read(file: FileRef) -> tuple[HandMotion, ...]:
+    return (_motion(file, READERS[PurePosixPath(file.name).suffix.lower()](file)),)
 
 
 def _motion(file: FileRef, record: Mapping[str, Any]) -> HandMotion:
@@ -50,6 +60,8 @@ def _motion(file: FileRef, record: Mapping[str, Any]) -> HandMotion:
     rate = _numbers(file, record, "fps")
     if rate.size != 1:
         raise SourceError(f"{file.name}, fps", "one number", f"{rate.size}", DOCS)
+    if "time" in record:
+        _check_times(file.name, _numbers(file, record, "time"), len(keypoints) if keypoints.ndim else 0, float(rate.item()))
     return hand_motion(str(PurePosixPath(file.name).with_suffix("")), "keypoints", _text(file, record, "hand"), float(rate.item()),
                  keypoints * UNITS[unit], where=file.name, phase=_phase(file, record) if "phase" in record else None,
                  object_name=_text(file, record, "object_name", ""), object_pose=pose, T_world_palm=palm)  # fmt: skip
@@ -70,6 +82,20 @@ def _numbers(file: FileRef, record: Mapping[str, Any], field: str) -> np.ndarray
         return np.array(record[field], np.float64)
     except (TypeError, ValueError, OverflowError) as error:
         raise SourceError(f"{file.name}, {field}", "numbers in rows of one length", str(error), DOCS) from error
+
+
+def _check_times(where: str, seconds: np.ndarray, frames: int, rate_hz: float) -> None:
+    """Check that frames are in order and without gaps."""
+    if seconds.shape != (frames,) or not np.isfinite(seconds).all():
+        raise SourceError(f"{where}, time", f"finite seconds ({frames},), one for each frame", f"{seconds.shape}", DOCS)
+    steps = np.diff(seconds)
+    if (steps <= 0).any():
+        early = int((steps <= 0).argmax()) + 1
+        raise SourceError(f"{where}, time", "rising seconds", f"{seconds[early]:g} after {seconds[early - 1]:g} in frame {early}",
+                          "sort the frames")
+    if (steps > GAP_FRAMES / rate_hz).any():
+        raise SourceError(f"{where}, time", f"a frame every {1 / rate_hz:.3g} s", f"a gap of {steps.max():.3g} s after frame "
+                          f"{int(steps.argmax())}", "cut the clip there, or fill the gap")
 
 
 def _phase(file: FileRef, record: Mapping[str, Any]) -> np.ndarray:
@@ -93,7 +119,7 @@ def _json(file: FileRef) -> dict[str, Any]:
 
 
 def _csv(file: FileRef) -> dict[str, Any]:
-    """Read one row for each frame: columns <point>_<x, y or z>; hand, fps, unit, phase and object_name are on every row."""
+    """Read one row for each frame: columns <point>_<x, y or z>; hand, fps, unit, time, phase and object_name are on every row."""
     try:
         rows = list(csv.DictReader(io.StringIO(read_utf8(file.path, file.name), newline=None)))
     except csv.Error as error:
@@ -110,13 +136,17 @@ def _csv(file: FileRef) -> dict[str, Any]:
         numbers = np.array([[float(row[column]) for column in COLUMNS] for row in rows])
     except (TypeError, ValueError) as error:
         raise SourceError(file.name, "a number in every column of a keypoint", str(error), DOCS) from error
-    more = {"phase": [row["phase"] for row in rows]} if "phase" in rows[0] else {}
+    more = {field: [row[field] for row in rows] for field in ("phase", "time") if field in rows[0]}
     return record | more | {"keypoints": numbers.reshape(-1, 21, 3)}
 
 
+READERS: Mapping[str, Callable[[FileRef], dict[str, Any]]] = {".npz": _npz, ".json": _json, ".csv": _csv}
+"""reader of each file format"""
 HAND_M = (0.04, 0.16)
 """wrist to middle knuckle, from small children to the largest adults, with a margin"""
 RATE_HZ = (1.0, 1000.0)
+GAP_FRAMES = 1.5
+"""time between two frames, in frames at the stated rate, from which one is missing"""
 DOCS = "see docs/grasping/motion-format.md"
 
 

@@ -11,7 +11,9 @@ tested on files in its format; never run on the real set or the real model.
 from __future__ import annotations
 
 import ast
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import PurePosixPath
 from typing import Any
 
@@ -105,14 +107,20 @@ IMPORT = "make it with python -m afford.grasping.motion.oakink2_import"
 
 def read(files: FileTree) -> tuple[HandMotion, ...]:
     """Read all primitives of all sequences; SourceError when a file is missing or cannot be used."""
+    return tuple(motion for _, motions in parts(files) for motion in motions())
+
+
+def parts(files: FileTree) -> Iterator[tuple[str, Callable[[], tuple[HandMotion, ...]]]]:
+    """Yield the name and the reader of every sequence; SourceError without the hand models, or without sequences."""
     models = {side: read_mano(_file(files, f"mano_{side}.npz", "save MANO v1.2 there"), side) for side in SIDES}
     sequences = [f for f in files.files if f.name.endswith(".npz") and not PurePosixPath(f.name).name.startswith("mano_")]
     if not sequences:
         raise SourceError(files.name, "a sequence (.npz)", "no such file", IMPORT)
-    return tuple(motion for file in sequences for motion in _sequence(files, file, models))
+    for file in sequences:
+        yield file.name, partial(_sequence, files, file, models)
 
 
-def _sequence(files: FileTree, file: FileRef, models: dict[str, Mano]) -> list[HandMotion]:
+def _sequence(files: FileTree, file: FileRef, models: dict[str, Mano]) -> tuple[HandMotion, ...]:
     program_file = _file(files, file.name.removesuffix(".npz") + ".json", IMPORT)
     arrays = _checked(load_npz(file.path, file.name, _is_known), file.name)
     wanted = [(side, interval, entry) for key, entry in _program(program_file).items()
@@ -120,7 +128,7 @@ def _sequence(files: FileTree, file: FileRef, models: dict[str, Mano]) -> list[H
     if sum(end - start for _, (start, end), _ in wanted) > MOST_TIMES * len(SIDES) * len(arrays["frames"]):
         limit = f"frames in at most {MOST_TIMES} primitives of a hand"
         raise TooLargeError(program_file.name, limit, "more", "get the file again")
-    return [_clip(file, arrays, models[side], interval, entry) for side, interval, entry in wanted]
+    return tuple(_clip(file, arrays, models[side], interval, entry) for side, interval, entry in wanted)
 
 
 def _program(file: FileRef) -> dict[str, dict[str, Any]]:
@@ -147,6 +155,9 @@ def _checked(arrays: dict[str, np.ndarray], where: str) -> dict[str, np.ndarray]
     frames = arrays.get("frames", np.zeros(0))
     if frames.ndim != 1 or not len(frames) or frames.dtype.kind not in "iu":
         raise SourceError(f"{where}, frames", "whole numbers (n,)", f"{frames.dtype} {frames.shape}", IMPORT)
+    if (np.diff(frames) <= 0).any():
+        row = int((np.diff(frames) <= 0).argmax()) + 1
+        raise SourceError(f"{where}, frames", "rising frame numbers", f"{frames[row]} after {frames[row - 1]}", IMPORT)
     shapes = {f"{side}/{field}": shape for side in SIDES for field, shape in FIELDS.items()}
     shapes |= {name: (4, 4) for name in arrays if name.startswith(OBJECT)}
     for name, shape in shapes.items():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import dataclasses
 import io
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -68,3 +69,27 @@ def report(name: str, found: ReferenceSet) -> str:
             f"{m['mirrored']:.0f} are of the other hand and were mirrored. Points of the hand {found.name} are "
             f"{m['error_mm']:.1f} mm from where a person's would be (mean over clips; 95 % of frames below "
             f"{m['error_p95_mm']:.1f} mm), bones {m['bone_error_deg']:.1f} degrees.\n{why}\nEvery clip: verdicts.csv.\n")
+
+
+def write_clip_report(root: Path, name: str, found: ReferenceSet) -> Path:
+    """Write report.md, clips.csv and metrics.json of the clips that a prior learns from to `root`."""
+    verdicts = found.report.verdicts
+    (root / "clips.csv").write_text(verdict_table(verdicts), encoding="utf-8", newline="\n")
+    write_json(root / "metrics.json", {"clips": float(len(verdicts)), "kept": float(found.report.kept)})
+    (root / "report.md").write_text(_clip_report(name, found), encoding="utf-8", newline="\n")
+    return root
+
+
+def _clip_report(name: str, found: ReferenceSet) -> str:
+    """Format tables of clips by source, kept clips by object, and dropped clips by reason and by name."""
+    verdicts = found.report.verdicts
+    total = Counter(one.source for one in verdicts)
+    kept = Counter(one.source for one in verdicts if one.kept)
+    sources = "".join(f"| {source} | {total[source]} | {kept[source]} |\n" for source in sorted(total))
+    held = Counter(one.object_name for one in found.references)
+    objects = "".join(f"| {body} | {held[body]} |\n" for body in sorted(held))
+    reasons = "".join("| {} | {} |\n".format(*line.rsplit(": ", 1)) for line in found.report.dropped)
+    lost = "".join(f"- {one.name}: {one.reason}, {one.detail}\n" for one in verdicts if not one.kept)
+    return (f"# Clips of the prior: {name}\n\n| source | clips | kept |\n|---|--:|--:|\n{sources}\n"
+            f"| object | kept clips |\n|---|--:|\n{objects}\n| dropped because | clips |\n|---|--:|\n{reasons}\n"
+            f"## Dropped clips\n\n{lost}")  # fmt: skip

@@ -187,7 +187,13 @@ def grasp_handle(target: GraspTarget, hooking: float, turn_rad: float, come: np.
         raise ValueError(f"{target.name}, diameter_m: expected {max(low, 0):.0f} to {high:.0f} mm, which a hand can span, got "
                          f"{1000 * target.diameter_m:.0f} mm")
     points = pose_hand(np.array([np.interp(size, wide, amount)]), np.array([hooking]))
-    thumb, fingers = points[0, 4], opposing(points)[0]
+    return place_grasp(target, points[0], size, turn_rad, come)
+
+
+def place_grasp(target: GraspTarget, points: np.ndarray, size_m: float, turn_rad: float = 0.0,
+                come: np.ndarray = FROM_FRONT_AND_ABOVE) -> HandleGrasp:  # fmt: skip
+    """Place a grasping right hand, points (21, 3) in the frame of its wrist (skeleton.py), on a handle, as `grasp_handle` does."""
+    thumb, fingers = points[4], opposing(points[None])[0]
     centre = (thumb + fingers) / 2
     handle = _world(target)
     axis, approach = handle[:3, 2], _approach(handle[:3, 2], turn_rad, come)
@@ -197,7 +203,7 @@ def grasp_handle(target: GraspTarget, hooking: float, turn_rad: float, come: np.
     T = np.eye(4)
     T[:3, :3] = max(turns, key=lambda R: float(R[2, 1]))
     T[:3, 3] = handle[:3, 3] - T[:3, :3] @ centre
-    return HandleGrasp(T, approach, size)
+    return HandleGrasp(T, approach, size_m)
 
 
 def _world(target: GraspTarget) -> np.ndarray:

@@ -38,6 +38,12 @@ def dropped_rest_pose(world: World, scene: Scene, seed: int, reach_m: float = 0.
     return found
 
 
+def laid_rest_pose(world: World, scene: Scene, turn: Rotation, most_s: float = MOST_S) -> np.ndarray | None:
+    """Return the (7,) pose at rest of an object that is laid down in an orientation; None when it keeps rolling or rocking."""
+    lowest = turn.apply(np.array(scene.body.corners, np.float64))[:, 2].min()
+    return _settled(world, scene, np.array([0.0, 0.0, LAID_M - lowest, *turn.as_quat()]), most_s)
+
+
 def placed_rest_pose(world: World, scene: Scene, most_s: float = MOST_S) -> np.ndarray:
     """Return the (7,) pose at rest of an object that is placed upright; ValueError when it keeps rolling or rocking."""
     found = _settled(world, scene, np.array([0.0, 0.0, LAID_M, 0.0, 0.0, 0.0, 1.0]), most_s)
