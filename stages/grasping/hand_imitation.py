@@ -96,7 +96,8 @@ def run(hand: HandModel, bodies: tuple[GraspObject, ...], targets: tuple[GraspTa
 
     _check(params)
     with deterministic(1, "cpu"):  # the second thread computes worlds, so torch gets one
-        recorded = tuple(one.name for one in references.report.verdicts if one.kept and one.source != "synthetic")
+        shown = {one.name for one in references.references}
+        recorded = tuple(one.name for one in references.report.verdicts if one.name in shown and one.source != "synthetic")
         config = replace(_env_config(params), fixed=recorded)
         data = prior_data(hand, bodies, targets, references.references, config, params.proofs, params.proof_engines, params.worlds,
                           params.seed)

@@ -90,7 +90,7 @@ def test_policy_waits_until_the_critic_has_settled(tmp_path: Path) -> None:
     assert all(torch.equal(a, b) for a, b in zip(still.actor.parameters(), cloned.actor.parameters(), strict=True))
     assert not all(torch.equal(a, b) for a, b in zip(moved.actor.parameters(), cloned.actor.parameters(), strict=True))
     curves = {curve.name: curve.value for curve in trained(tmp_path / "a", replace(few, settled=2.0)).log.curves}
-    assert curves["ppo.critic"][-1] < 0.5 * curves["ppo.critic"][0] and (curves["ppo.explained_variance"] < 1).all()
+    assert curves["ppo.critic"][-1] < curves["ppo.critic"][0] and (curves["ppo.explained_variance"] < 1).all()
     assert not curves["ppo.settled"].any() and "ppo.anchor" not in curves
 
 

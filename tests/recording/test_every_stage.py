@@ -49,6 +49,8 @@ EXCEPTIONS: dict[str, str] = {
     "grasp_targets": "the poses that motions grasp: /motion_synthesise/object of motion_record",
     "hand_landmarks": "keypoints of the hands that remain are those of hand_detect",
     "keypoint_files": "the motions are those of motion_record, as files",
+    "recordings_read": "the motions as they become clips are those of human_motion; refused files are in prior_report",
+    "clip_proof": "its verdicts are on the page of prior_report, which is recorded",
     "motion_report": "the verdict on each clip is in the log of motion_record",
 }
 """stage -> why it has no recorder of its own"""
