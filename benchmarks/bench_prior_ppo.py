@@ -2,8 +2,8 @@
 
     PYTHONPATH=. python benchmarks/bench_prior_ppo.py [UPDATES]
 
-Prints a table: figures of held-out clips (other places and motions of the same 7 tools) before and after, in MuJoCo, 63 episodes each,
-one seed.
+Prints a table: figures of held-out clips (other places and motions of the same 7 tools) before and after.
+MuJoCo, 63 episodes each, one seed.
 """
 
 from __future__ import annotations

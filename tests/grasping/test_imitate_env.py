@@ -59,7 +59,7 @@ def test_keypoints_are_the_22_links_of_finger_joints() -> None:
 
 
 def test_keypoints_of_another_hand_are_one_of_each_level_per_finger() -> None:
-    """Without the links of the Shadow Hand, the base and the middle joint of each finger."""
+    """The base and the middle joint of each finger, where the links of the Shadow Hand are missing."""
     hand = replace(shadow(), links=tuple(f"link_{k}" for k in range(len(shadow().links))))
     links, level_1 = keypoint_links(hand)
     assert level_1 == 5 and links.tolist() == [*hand.fingers.base_link, *hand.fingers.middle_link]

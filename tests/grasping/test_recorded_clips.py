@@ -134,7 +134,7 @@ def test_every_left_out_motion_has_a_reason() -> None:
 
 @pytest.mark.parametrize("name", ["019_pitcher_base", "021_bleach_cleanser", "025_mug", "035_power_drill", "037_scissors"])
 def test_scans_for_evaluation_are_never_in_a_prior(name: str, tmp_path: Any) -> None:
-    """They are left out by name, and a prior refuses their recorded clips."""
+    """Such scans are left out by name, and a prior refuses their recorded clips."""
     assert is_evaluation_scan(name) and len(EVALUATION_SCANS) == 5
     assert not any(map(is_evaluation_scan, ("006_mustard_bottle", "010_potted_meat_can", "011_banana", "024_bowl")))
     with pytest.raises(ValueError, match="evaluation scan: 1"):

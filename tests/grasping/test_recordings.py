@@ -88,7 +88,7 @@ def test_rows_and_sequences_are_recordings_of_their_own(tmp_path: Path) -> None:
 
 
 def test_sources_without_a_usable_recording_are_refused(tmp_path: Path) -> None:
-    """Nothing of the format, nothing usable, an unknown format."""
+    """A source without the format, one without a usable recording, an unknown format."""
     (tmp_path / "a.txt").write_text("")
     with pytest.raises(SourceError, match="expected a file of keypoints"):
         read(tmp_path / "a.txt")
