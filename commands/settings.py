@@ -137,7 +137,7 @@ def check_value(stage: str, name: str, value: Any, params: Any) -> None:
     """
     module = type(params).__module__
     file = module.rpartition(".")[2]
-    known = CHOICES.get((file, name)) or SHARED_CHOICES.get(name) or vars(sys.modules[module]).get(registry(name))
+    known = CHOICES.get((file, name)) or vars(sys.modules[module]).get(registry(name)) or SHARED_CHOICES.get(name)
     for one in value if isinstance(value, tuple) else (value,):
         if isinstance(one, str):
             _word(stage, name, one, known)

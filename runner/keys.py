@@ -128,10 +128,14 @@ def spec_digest(spec: StageSpec) -> str:
                                   "threads": spec.threads, **machine})
 
 
+UNSET = (False, None, 0, "", "cpu")
+"""values of a parameter that MACHINE names under which the bytes do not depend on the kind of machine"""
+
+
 def _machine(declared: bool | list[str], node: Node, blocks: frozenset[str]) -> str:
-    """Kind of machine, if MACHINE is True or one of the Params fields that it names is set."""
+    """Kind of machine, if MACHINE is True or one of the Params fields that it names is set, to another device than the CPU."""
     named = [] if isinstance(declared, bool) else [name for name in declared if name.partition(".")[0] not in blocks]
-    return machine_kind() if declared is True or any(_field(node, name) for name in named) else ""
+    return machine_kind() if declared is True or any(_field(node, name) not in UNSET for name in named) else ""
 
 
 def _field(node: Node, name: str) -> Any:

@@ -31,7 +31,7 @@ def block(params: object, name: str) -> Any:
 def extra(package: str, name: str) -> Any:
     """Import a package of the extra `name` of pyproject.toml; ValueError when it is not installed.
 
-    Stages must not compute with such a package, because its version is not part of a key.
+    A stage that computes with such a package declares it among the libraries of that backend, so that its version is in the key.
     """
     try:
         return importlib.import_module(package)

@@ -1,10 +1,10 @@
 """a teacher, a hand and tasks -> a student that acts like its teacher from depth cameras and proprioception.
 
 Reads   HandModel, GraspTasks to train on, the FileTree of a teacher (rl_grasp_refinement)
-Writes  Trained: files (student.json, student.safetensors, tensorboard/) and the TrainingLog
+Writes  Trained: files (student.json, student.safetensors, tensorboard/, diverged/) and the TrainingLog
 Method  DAgger in MuJoCo: the student acts, the teacher, which observes the object's state, labels the visited states; mean squared
         error of actions. The student observes a point cloud, N_t and proprioception (docs/grasping/student.md). A training that was
-        killed resumes to the same weights
+        killed resumes to the same weights. The last states of a world that diverged are kept, and the world is reset
 Fails   without tasks, or for files without a teacher
 Paper   AffordDex, stage 2, the vision student: R, P from cameras, N; PointNets and a transformer. the
         published values of size, views, size_px, points, sampling, layout and n_t are named below
@@ -22,8 +22,18 @@ from schemas.training import Trained
 
 LIBRARIES = ("numpy", "scipy", "torch", "mujoco", "gymnasium", "numba", "trimesh", "pillow", "safetensors",
              "protobuf", "blake3", "pybullet")
+ENGINE_LIBRARIES = {"warp": ("mujoco-warp", "warp-lang")}
 THREADS = 1
 MEMORY_GIB = 1.5
+MACHINE = "device"
+ENGINE_MACHINE = {"warp": True}
+GPUS = "device"
+
+ENGINES = {
+    "mujoco": "afford.grasping.sim.mujoco_world:MujocoWorld",
+    "bullet": "afford.grasping.sim.bullet_world:BulletWorld",
+    "warp": "afford.grasping.sim.warp_worlds:WarpWorlds",
+}
 
 
 @dataclass(frozen=True)
@@ -66,15 +76,21 @@ class Params:
     """randomise physics, latency and depth noise over worlds"""
     iterations: int = 100
     """iterations of the physics solver, at most"""
+    engine: str = "mujoco"
+    """engine of the training: mujoco, bullet or warp (mujoco-warp, all worlds at once; the extra gpu)"""
+    device: str = "cpu"
+    """device of the networks, and of the worlds with engine=warp: cpu, cuda or cuda:N"""
 
 
 def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], teacher: FileTree, params: Params, ctx: Context) -> Trained:
     """Train the student in the scratch folder, from which a training that was killed resumes."""
     from afford.common.files import tree
+    from afford.grasping.env.flight_recorder import FlightRecorder
     from afford.grasping.env.grasp_worlds import GraspWorlds
     from afford.grasping.env.task import from_grasp_task
     from afford.grasping.policies.load_policy import load_policy
     from afford.grasping.policies.train_student import DistillationEnv, export_student, train_student
+    from afford.models.loading import device_of
     from afford.training import curves
     from afford.training.loop import deterministic
 
@@ -83,13 +99,17 @@ def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], teacher: File
     if not train_tasks or policy.teacher is None:
         raise ValueError(f"grasp_student: expected a task or more and the files of a teacher, got {len(train_tasks)} tasks and "
                          f"{teacher.name} with {', '.join(file.name for file in teacher.files) or 'no file'}")
-    sensors = _sensors(params)
-    with deterministic(THREADS, "cpu"):
+    if params.engine not in ENGINES:
+        raise ValueError(f"grasp_student: expected an engine of {', '.join(ENGINES)}, got {params.engine!r}")
+    sensors, recorder = _sensors(params), FlightRecorder(ctx.scratch, params.engine, params.seed)
+    with deterministic(THREADS, params.device.partition(":")[0]):
+        for network in filter(None, (policy.teacher, policy.prior)):
+            network.to(device_of(params.device))
         chosen = [train_tasks[k % len(train_tasks)] for k in range(max(params.worlds, len(train_tasks)))]
-        core = GraspWorlds(hand, chosen, _env_config(params, policy))
+        core = GraspWorlds(hand, chosen, _env_config(params, policy), recorder)
         try:
-            envs = DistillationEnv(core, policy.actor(core), sensors, params.seed)
-            model, state = train_student(envs, params.size, _training_config(params), ctx.scratch, ctx.progress)
+            envs = DistillationEnv(core, policy.actor(core), sensors, recorder)
+            model, state = train_student(envs, params.size, _training_config(params), ctx.scratch, ctx.progress, params.device)
         finally:
             core.close()
     root = export_student(ctx.scratch, model, sensors, {**policy.facts, "seed": params.seed})
@@ -101,7 +121,8 @@ def _env_config(p: Params, policy):  # type: ignore[no-untyped-def]  # types of 
 
     from afford.grasping.sim.scene import Physics
 
-    return replace(policy.config("mujoco", Physics(iterations=p.iterations), "flat", 0.0), randomise=p.randomise, seed=p.seed)
+    return replace(policy.config(p.engine, Physics(iterations=p.iterations), "flat", 0.0), randomise=p.randomise, seed=p.seed,
+                   device=p.device if p.engine == "warp" else "cpu")  # fmt: skip
 
 
 def _sensors(p: Params):  # type: ignore[no-untyped-def]  # as above

@@ -2,10 +2,11 @@
 
 Reads   HandModel; GraspObjects; GraspTargets and the ReferenceSet of their clips, each clip named <target>_<number> and in the
         frame of its target's world; clips of a source other than `synthetic` are recorded ones, which have a place of their own
-Writes  Trained: policy.json (network, facts: role, layout, rates, steps, start), policy.safetensors, tensorboard/; curves
+Writes  Trained: policy.json (network, facts: role, layout, rates, steps, start), policy.safetensors, tensorboard/, diverged/; curves
 Method  clips that do not lift their object in simulation are dropped; then DAgger (the expert follows the clip; along the object
         it makes the clip's moves from wherever the hand is), then PPO with imitation rewards. The object is present and observed
-        as AffordanceGrasp shows it to a prior, without parts. A training that was killed resumes to the same weights
+        as AffordanceGrasp shows it to a prior, without parts. A training that was killed resumes to the same weights.
+        The last states of a world that diverged are kept, and the world is reset
 Fails   ValueError: no clip lifts its object, a clip without a target or an object, a parameter out of range
 Paper   AffordDex, HTI: PPO alone, imitation and smoothness; clips of OakInk2; the prior is frozen afterwards
 """
@@ -20,9 +21,19 @@ from schemas.spec import Context
 from schemas.training import Trained
 
 LIBRARIES = ("numpy", "scipy", "torch", "safetensors", "trimesh", "mujoco", "pybullet", "gymnasium", "protobuf", "blake3")
+ENGINE_LIBRARIES = {"warp": ("mujoco-warp", "warp-lang")}
 THREADS = 2
 MEMORY_GIB = 2.0
 TIMEOUT_S = 14400.0  # simulates its data before the first report of progress
+MACHINE = "device"
+ENGINE_MACHINE = {"warp": True}
+GPUS = "device"
+
+ENGINES = {
+    "mujoco": "afford.grasping.sim.mujoco_world:MujocoWorld",
+    "bullet": "afford.grasping.sim.bullet_world:BulletWorld",
+    "warp": "afford.grasping.sim.warp_worlds:WarpWorlds",
+}
 
 
 @dataclass(frozen=True)
@@ -82,29 +93,34 @@ class Params:
     astray: tuple[float, float, float] = (0.006, 0.04, 0.06)
     """standard deviations of the start: m and rad of the wrist, rad of the fingers"""
     engine: str = "mujoco"
-    """engine of the training: mujoco or bullet"""
+    """engine of the training: mujoco, bullet or warp (mujoco-warp, all worlds at once; the extra gpu)"""
+    device: str = "cpu"
+    """device of the networks, and of the worlds with engine=warp: cpu, cuda or cuda:N"""
 
 
 def run(hand: HandModel, bodies: tuple[GraspObject, ...], targets: tuple[GraspTarget, ...], references: ReferenceSet,
         params: Params, ctx: Context) -> Trained:  # fmt: skip
     """Train the prior in the scratch folder, from which a training that was killed resumes."""
     from afford.common.files import tree
+    from afford.grasping.env.flight_recorder import FlightRecorder, export_records
     from afford.grasping.imitation.clip_filter import prior_data
     from afford.grasping.imitation.train_prior import export_prior, new_prior, train_prior
+    from afford.models.loading import device_of
     from afford.training import curves
     from afford.training.loop import deterministic
 
     _check(params)
-    with deterministic(1, "cpu"):  # the second thread computes worlds, so torch gets one
-        shown = {one.name for one in references.references}
-        recorded = tuple(one.name for one in references.report.verdicts if one.name in shown and one.source != "synthetic")
-        config = replace(_env_config(params), fixed=recorded)
-        data = prior_data(hand, bodies, targets, references.references, config, params.proofs, params.proof_engines, params.worlds,
-                          params.seed)
-        model = new_prior(data.core, params.hidden, params.std, params.seed)
-        points = [*data.points, *train_prior(data.core, model, _training_config(params), ctx.scratch, ctx.progress)]
+    recorder = FlightRecorder(ctx.scratch, params.engine, params.seed)
+    shown = {one.name for one in references.references}
+    recorded = tuple(one.name for one in references.report.verdicts if one.name in shown and one.source != "synthetic")
+    with deterministic(1, params.device.partition(":")[0]):  # the second thread computes worlds, so torch gets one
+        data = prior_data(hand, bodies, targets, references.references, replace(_env_config(params), fixed=recorded), params.proofs,
+                          params.proof_engines, params.worlds, params.seed, recorder)
+        model = new_prior(data.core, params.hidden, params.std, params.seed).to(device_of(params.device))
+        points = [*data.points, *train_prior(data.core, model, _training_config(params), ctx.scratch, ctx.progress, recorder)]
         data.core.close()
     root = export_prior(ctx.scratch / "out", model, data.facts)
+    export_records(ctx.scratch, root)
     curves.write_events(root / "tensorboard", points)
     done = params.cloning + params.reinforcing
     return Trained(tree("prior", root), curves.training_log("prior", points, done, done))
@@ -114,7 +130,8 @@ def _env_config(p: Params):  # type: ignore[no-untyped-def]  # its type is in a 
     from afford.grasping.imitation.grasp_imitation_env import GraspImitationConfig
 
     return GraspImitationConfig(engine=p.engine, reward=p.reward, steps=p.steps, lift_m=p.lift_m, shift_m=p.shift_m,
-                                astray=p.astray, threads=THREADS)  # fmt: skip
+                                astray=p.astray, threads=1 if p.engine == "warp" else THREADS,
+                                device=p.device if p.engine == "warp" else "cpu")  # fmt: skip
 
 
 def _training_config(p: Params):  # type: ignore[no-untyped-def]  # as above
@@ -128,6 +145,8 @@ def _training_config(p: Params):  # type: ignore[no-untyped-def]  # as above
 
 
 def _check(p: Params) -> None:
+    if p.engine not in ENGINES:
+        raise ValueError(f"hand_imitation: expected an engine of {', '.join(ENGINES)}, got {p.engine!r}")
     for name, least in (("cloning", 1), ("memory", 1), ("passes", 1), ("batch", 1), ("worlds", 1), ("steps", 1), ("reinforcing", 0),
                         ("alone", 0), ("critic", 0), ("proofs", 0), ("noise", 0), ("shift_m", 0), ("anchor", 0),
                         ("ppo_kl", 0)):  # fmt: skip

@@ -1,10 +1,10 @@
 """a hand, tasks and a frozen prior -> a teacher that grasps and keeps off negative parts.
 
 Reads   HandModel, GraspTasks to train on, the FileTree of a prior (hand_imitation) in a tuple, or an empty tuple
-Writes  Trained: files (policy.json, policy.safetensors, prior/, tensorboard/) and the TrainingLog
+Writes  Trained: files (policy.json, policy.safetensors, prior/, tensorboard/, diverged/) and the TrainingLog
 Method  residual reinforcement learning: a = clip(a_H + a_T, -1, 1), element-wise; the prior observes R O P, the teacher R O P N;
         PPO in MuJoCo, worlds take the tasks in turn, a fixed number of updates; the prior stays frozen. A training that was killed
-        resumes to the same weights
+        resumes to the same weights. The last states of a world that diverged are kept, and the world is reset
 Fails   without tasks, without a prior where base=prior, when a loss is not finite
 Paper   AffordDex, stage 2, the teacher with its negative affordance-aware rewards; the published ones are
         reward=afforddex and size=paper
@@ -21,8 +21,18 @@ from schemas.spec import Context
 from schemas.training import Trained
 
 LIBRARIES = ("numpy", "scipy", "torch", "trimesh", "mujoco", "pybullet", "gymnasium", "safetensors", "protobuf", "blake3")
+ENGINE_LIBRARIES = {"warp": ("mujoco-warp", "warp-lang")}
 THREADS = 1
 MEMORY_GIB = 2.0
+MACHINE = "device"
+ENGINE_MACHINE = {"warp": True}
+GPUS = "device"
+
+ENGINES = {
+    "mujoco": "afford.grasping.sim.mujoco_world:MujocoWorld",
+    "bullet": "afford.grasping.sim.bullet_world:BulletWorld",
+    "warp": "afford.grasping.sim.warp_worlds:WarpWorlds",
+}
 
 
 @dataclass(frozen=True)
@@ -68,6 +78,10 @@ class Params:
     """standard deviation of actions at the start; more makes the hand drop what the base holds"""
     std_along: float = 0.2
     """the same for the first action, which moves the hand along the object"""
+    engine: str = "mujoco"
+    """engine of the training: mujoco, bullet or warp (mujoco-warp, all worlds at once; the extra gpu)"""
+    device: str = "cpu"
+    """device of the networks, and of the worlds with engine=warp: cpu, cuda or cuda:N"""
 
 
 def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], prior: tuple[FileTree, ...], params: Params,
@@ -85,12 +99,14 @@ def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], prior: tuple[
         raise ValueError(f"rl_grasp_refinement: expected a task or more, lambda_n of 0 or more, and a prior where base=prior and "
                          f"none elsewhere, got {len(train_tasks)} tasks, {params.lambda_n:g}, base={params.base} and "
                          f"{len(prior)} priors")
+    if params.engine not in ENGINES:
+        raise ValueError(f"rl_grasp_refinement: expected an engine of {', '.join(ENGINES)}, got {params.engine!r}")
     network, facts = read_policy(prior[0]) if prior else (None, {})
     config = _env_config(params, tuple(facts.get("posture", ())))
-    with deterministic(THREADS, "cpu"):
+    with deterministic(THREADS, params.device.partition(":")[0]):
         frozen = FrozenPrior(network, params.layout) if network else None
         plan = _training_config(params, len(train_tasks))
-        model, state = train_teacher(hand, train_tasks, frozen, config, plan, ctx.scratch, ctx.progress)
+        model, state = train_teacher(hand, train_tasks, frozen, config, plan, ctx.scratch, ctx.progress, params.device)
     root = export_teacher(ctx.scratch, model, frozen, config, params.seed)
     return Trained(tree(params.name, root), curves.training_log(params.name, state.points, state.best_step, state.step))
 
@@ -101,9 +117,10 @@ def _env_config(p: Params, posture: tuple[float, ...]):  # type: ignore[no-untyp
     from afford.grasping.sim.scene import Physics
 
     weights = {**scaled_negative_weights(p.reward, p.lambda_n), **({"positive": p.positive} if p.positive else {})}
-    return GraspEnvConfig(physics=Physics(iterations=p.iterations), base=p.base, posture=posture, layout=p.layout, reward=p.reward,
-                          start="anywhere", weights=weights, steps=p.steps, start_m=p.start_m,
-                          wait=p.wait if p.base == "script" else 0, seed=p.seed)  # fmt: skip
+    return GraspEnvConfig(engine=p.engine, physics=Physics(iterations=p.iterations), base=p.base, posture=posture, layout=p.layout,
+                          reward=p.reward, start="anywhere", weights=weights, steps=p.steps, start_m=p.start_m,
+                          wait=p.wait if p.base == "script" else 0, seed=p.seed,
+                          device=p.device if p.engine == "warp" else "cpu")  # fmt: skip
 
 
 def _training_config(p: Params, tasks: int):  # type: ignore[no-untyped-def]  # as above

@@ -73,13 +73,14 @@ def test_gae_equals_its_definition(seed: int) -> None:
                 weight *= gamma * lam
                 if ended[k, env]:
                     break
-    np.testing.assert_allclose(gae(reward, value, after, terminated, ended, gamma, lam), expected, atol=1e-12)
+    found = gae(*map(torch.from_numpy, (reward, value, after, terminated, ended)), gamma, lam)
+    np.testing.assert_allclose(found, expected, atol=1e-12)
 
 
 def test_gae_bootstraps_after_a_time_limit_only() -> None:
     """One step of value 0 and reward 1, followed by a value of 10: terminated, then truncated."""
-    one = np.ones((1, 1))
-    told = [gae(one, 0 * one, 10 * one, np.array([[end]]), np.array([[True]]), 0.5, 1.0)[0, 0] for end in (True, False)]
+    one, yes = torch.ones(1, 1), torch.ones(1, 1, dtype=torch.bool)
+    told = [float(gae(one, 0 * one, 10 * one, end, yes, 0.5, 1.0)) for end in (yes, ~yes)]
     assert told == [1.0, 6.0]
 
 

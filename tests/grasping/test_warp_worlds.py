@@ -101,7 +101,7 @@ def test_pushes_resets_and_bad_commands() -> None:
     assert np.array_equal(after.velocity[0], np.zeros(3))
     with pytest.raises(ValueError, match="step, u: expected finite"):
         made.step(np.full((3, 24), np.nan), CONTROL_S)
-    with pytest.raises(ValueError, match="device: expected cpu or cuda"):
+    with pytest.raises(ValueError, match="device: expected cpu, cuda or cuda:N"):
         world_batch("warp", [scene()], device="tpu")
 
 

@@ -58,7 +58,7 @@ class GraspEnvConfig:
     processes: int = 1
     """processes that compute worlds, each a share of them; for bullet, which does not profit from threads"""
     device: str = "cpu"
-    """cpu, or cuda with the engine warp"""
+    """cpu; or cuda or cuda:N with the engine warp"""
 
     def __post_init__(self) -> None:
         for name, allowed in (("action_mode", ("rate", "paper")), ("base", BASES), ("poses", ("flat", "dropped")),

@@ -1,7 +1,7 @@
 """n grasping worlds that are stepped at once: physics, episodes, rewards. The gymnasium environments (env.py) wrap them.
 
-Control runs at 20 steps per second, or 60 with action_mode=paper. An episode is terminated when the object is out of reach and
-truncated after `steps`. All randomness of an episode comes from the generator that its reset is given; differences between worlds
+Control runs at 20 steps per second, or 60 with action_mode=paper. An episode is terminated when the object is out of reach, or
+when the world diverged and a recorder keeps its last states, and truncated after `steps`. All randomness of an episode comes from the generator that its reset is given; differences between worlds
 come from `seed`.
 """
 
@@ -15,14 +15,15 @@ import numpy as np
 
 from afford.grasping.env import actions
 from afford.grasping.env.config import GraspEnvConfig
+from afford.grasping.env.flight_recorder import FlightRecorder, diverged
 from afford.grasping.env.measures import EpisodeLog, Measures, measure
 from afford.grasping.env.obs_blocks import Snapshot, obs_blocks, observe
 from afford.grasping.env.reward import reward_weights, rewards
 from afford.grasping.env.scenery import EpisodeFrame, build_scenery
 from afford.grasping.env.step_result import StepResult
 from afford.grasping.env.task import Task, placed_pose
-from afford.grasping.hand.kinematics import command_limits, commanded_columns
-from afford.grasping.sim.engine import CONTROL_S, State
+from afford.grasping.hand.kinematics import command_limits, commanded_columns, moving_joints
+from afford.grasping.sim.engine import CONTROL_S, DivergedError, State
 from afford.grasping.sim.rest_poses import dropped_rest_poses, placed_rest_pose
 from afford.grasping.sim.scene import Scene, Sensing, centre, hold_command, randomize_physics, sensing
 from afford.grasping.sim.scripted import Aim, aim_along_axis, aim_at_part
@@ -40,9 +41,10 @@ DROPS = 8
 class GraspWorlds:
     """n worlds, each with its own task."""
 
-    def __init__(self, hand: HandModel, tasks: Sequence[Task], config: GraspEnvConfig) -> None:
+    def __init__(self, hand: HandModel, tasks: Sequence[Task], config: GraspEnvConfig,
+                 recorder: FlightRecorder | None = None) -> None:  # fmt: skip
         """Build the worlds. ValueError for an unknown layout, role, reward or engine."""
-        self.config, self.tasks = config, tuple(tasks)
+        self.config, self.tasks, self._recorder = config, tuple(tasks), recorder
         self.blocks, self.weights = obs_blocks(config.layout, config.role), reward_weights(config.reward, config.weights)
         self.scenes = [_scene(hand, one, config, k) for k, one in enumerate(self.tasks)]
         self.sensing = [_sensing(config, k) for k in range(len(self.tasks))]
@@ -53,7 +55,8 @@ class GraspWorlds:
         self.rates = (actions.wrench_table(self._limits) if config.action_mode == "paper"
                       else actions.rate_table(actions.RATES[config.base], len(self._limits)))  # fmt: skip
         self._resting: dict[Any, list[np.ndarray]] = {}
-        self._now = _EpisodeState(len(self.tasks), config.steps, len(self._limits), max(one.latency_steps for one in self.sensing))
+        self._now = _EpisodeState(len(self.tasks), config.steps, len(self._limits), len(moving_joints(hand.joints)),
+                                  max(one.latency_steps for one in self.sensing))  # fmt: skip
         self._state: State | None = None
         self._measured: Measures | None = None
 
@@ -82,7 +85,7 @@ class GraspWorlds:
     def step(self, action: np.ndarray, rngs: Sequence[np.random.Generator]) -> StepResult:
         """Apply actions (n, m) for one control step. Worlds whose episode has ended continue until their reset.
 
-        ValueError for actions of another shape, or that are not finite.
+        ValueError for actions of another shape, or that are not finite. DivergedError without a recorder.
         """
         now, rows = self._now, np.arange(len(self.tasks))
         action = actions.checked(action, (len(rows), self.motors))
@@ -93,11 +96,12 @@ class GraspWorlds:
         self._push(rngs)
         latency = [one.latency_steps for one in self.sensing]
         self._state = self.worlds.step(now.sent[rows, latency], self.config.control_s)
+        broken = self._replace_diverged(at)
         measured = self._measured = measure(self.scenery, now.episode, self._state, now.action)
         now.log.record(measured, at)
         now.step = now.step + 1
         terms = rewards(self.weights, measured)
-        lost = measured.away_m > LOST_M
+        lost = (measured.away_m > LOST_M) | broken
         late = (now.step >= self.config.steps) & ~lost
         return StepResult(np.sum(list(terms.values()), axis=0), lost, late, terms, now.log.success.copy())
 
@@ -185,6 +189,30 @@ class GraspWorlds:
             return u, action.clip(-1, 1) * self.rates[:, 0]
         return actions.rate_command(base, actions.moved(self.rates, now.offset, action), now.episode.yaw, self._limits)
 
+    def _replace_diverged(self, at: np.ndarray) -> np.ndarray:
+        """Set diverged worlds back to the start of their episodes, after steps of numbers (n,); (n,) bool, which they are."""
+        now, state = self._now, self.state()
+        if self._recorder is None:
+            if not np.isfinite(state.q).all() or not np.isfinite(state.body).all():
+                raise DivergedError(self._divergence(state))
+            return np.zeros(len(self.tasks), bool)
+        self._recorder.record(state, now.action, at)
+        broken = diverged(state)
+        if broken.any():
+            which = np.flatnonzero(broken).tolist()
+            self.worlds.reset(now.start_q[which], now.start_pose[which], which)
+            for k in which:
+                body = self.tasks[k].body
+                self._recorder.write(k, f"{body.name}/{body.parts[self.tasks[k].hold]}")
+                now.sent[k], now.offset[k] = hold_command(self.scenes[k], now.start_q[k]), 0.0
+            self._state = self.worlds.state()
+        return broken
+
+    def _divergence(self, state: State) -> str:
+        k, physics = int(np.argmax(diverged(state))), self.config.physics
+        return (f"{self.tasks[k].body.name}: {self.config.engine} diverged in world {k}; more iterations than {physics.iterations} or "
+                f"a rate above {physics.rate_hz} Hz are needed")
+
     def _begin(self, which: Sequence[int], poses: Sequence[np.ndarray], aims: Sequence[Aim],
                posture: Sequence[float] = ()) -> None:  # fmt: skip
         config, posture = self.config, posture or self.config.posture
@@ -193,6 +221,7 @@ class GraspWorlds:
             scene = self.scenes[k]
             base = actions.base_targets(config.base, scene, aim, config.steps, config.lift_m, posture, config.wait)
             self._now.begin(k, aim, centre(scene.body, pose), config.lift_m, hold_command(scene, joints), base)
+            self._now.start_q[k], self._now.start_pose[k] = joints, pose
         if q:
             self.worlds.reset(np.stack(q), np.stack(poses), which)
         self._state, self._measured = self.worlds.state(), None
@@ -233,12 +262,13 @@ class GraspWorlds:
 class _EpisodeState:
     """Progress of the running episodes, arrays of (n, ...). `copy.deepcopy` makes an independent copy."""
 
-    def __init__(self, n: int, steps: int, motors: int, latency: int) -> None:
+    def __init__(self, n: int, steps: int, motors: int, joints: int, latency: int) -> None:
         self.step = np.zeros(n, int)
         self.aim = [Aim(np.zeros(3), 0.0)] * n
         self.episode = EpisodeFrame(np.zeros((n, 3)), np.zeros(n), np.zeros((n, 3)))
         self.base, self.sent = np.zeros((n, steps, motors)), np.zeros((n, 1 + latency, motors))
         self.offset, self.action = np.zeros((n, motors)), np.zeros((n, motors))
+        self.start_q, self.start_pose = np.zeros((n, joints)), np.zeros((n, 7))
         self.log = EpisodeLog(n, steps)
 
     def begin(self, k: int, aim: Aim, origin: np.ndarray, lift_m: float, u: np.ndarray, base: np.ndarray) -> None:

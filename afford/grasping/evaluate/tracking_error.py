@@ -16,6 +16,7 @@ from afford.grasping.env.rollout import BaseOnly
 from afford.grasping.env.task import make_task
 from afford.grasping.imitation.grasp_imitation_env import GraspImitationConfig, GraspImitationWorlds
 from afford.grasping.policies.load_policy import Policy, load_policy
+from afford.grasping.sim.engine import check_stage_engine
 from afford.grasping.sim.scene import Physics
 from schemas.episodes import ClipsFollowed
 from schemas.files import FileTree
@@ -38,6 +39,9 @@ class TrackingParams:
     tolerance_m: float
     at_once: int
     seed: int
+
+    def __post_init__(self) -> None:
+        check_stage_engine(self.engine)
 
 
 def evaluate_tracking(hand: HandModel, bodies: Sequence[GraspObject], references: Sequence[HandReference], files: FileTree,

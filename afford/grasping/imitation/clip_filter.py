@@ -12,11 +12,13 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from afford.grasping.env.flight_recorder import FlightRecorder
 from afford.grasping.env.task import Task, make_task
 from afford.grasping.hand.kinematics import commanded_columns
 from afford.grasping.imitation.grasp_imitation_env import GraspImitationConfig, GraspImitationWorlds
 from afford.grasping.imitation.recorded_clips import is_evaluation_scan
 from afford.grasping.motion.clip_rules import report_of
+from afford.grasping.sim.engine import check_stage_engine
 from afford.training.curves import Point
 from schemas.grasp import GraspObject
 from schemas.hand import GraspTarget, HandModel, HandReference, ProvenClips, ReferenceSet, RetargetReport
@@ -63,7 +65,8 @@ def proven(hand: HandModel, bodies: Sequence[GraspObject], targets: Sequence[Gra
     tasks, kept = [make_task(one) for one in bodies], [one for some in sets for one in some.references]
     failed = dict[str, str]()
     for engine in engines if times else ():
-        exact = replace(config, engine=engine, shift_m=0.0, astray=(0.0, 0.0, 0.0))
+        check_stage_engine(engine)
+        exact = replace(config, engine=engine, shift_m=0.0, astray=(0.0, 0.0, 0.0), device="cpu")
         counts = held_counts(hand, tasks, kept, exact, times, worlds, seed) if kept else np.zeros(0)
         failed |= {one.name: f"holds its object in {count:.0f} of {times} episodes in {engine}"
                    for one, count in zip(kept, counts, strict=True) if count < times}  # fmt: skip
@@ -90,7 +93,8 @@ class PriorData:
 
 
 def prior_data(hand: HandModel, bodies: Sequence[GraspObject], targets: Sequence[GraspTarget], references: Sequence[HandReference],
-               config: GraspImitationConfig, proofs: int, engines: Sequence[str], worlds: int, seed: int) -> PriorData:  # fmt: skip
+               config: GraspImitationConfig, proofs: int, engines: Sequence[str], worlds: int, seed: int,
+               recorder: FlightRecorder | None = None) -> PriorData:  # fmt: skip
     """Build worlds of the objects whose clips pass the filter, in turn; at least one of every object where clips are fixed.
 
     A clip passes when the object is held at the end of `proofs` episodes out of `proofs`, in each of the engines; all clips pass
@@ -102,7 +106,8 @@ def prior_data(hand: HandModel, bodies: Sequence[GraspObject], targets: Sequence
         raise ValueError(f"hand_imitation: {', '.join(shown)}: expected no recorded clip of a scan that policies are evaluated on; "
                          "remove these clips")  # fmt: skip
     for engine in engines if proofs else ():
-        exact = replace(config, engine=engine, shift_m=0.0, astray=(0.0, 0.0, 0.0))
+        check_stage_engine(engine)
+        exact = replace(config, engine=engine, shift_m=0.0, astray=(0.0, 0.0, 0.0), device="cpu")
         good: Any = held_counts(hand, list(of.values()), kept, exact, proofs, worlds, seed) >= proofs if kept else []
         kept = [one for one, fine in zip(kept, good, strict=True) if fine]
     tasks = [of[name] for name in of if any(one.object_name == name for one in kept)]
@@ -110,7 +115,7 @@ def prior_data(hand: HandModel, bodies: Sequence[GraspObject], targets: Sequence
         raise ValueError(f"hand_imitation: no clip of {len(references)} lifts its object {proofs} times of {proofs}; "
                          "check the clips, or set a lower proofs")
     count = max(worlds, len(tasks)) if config.fixed else worlds
-    core = GraspImitationWorlds(hand, [tasks[k % len(tasks)] for k in range(count)], kept, config)
+    core = GraspImitationWorlds(hand, [tasks[k % len(tasks)] for k in range(count)], kept, config, recorder=recorder)
     facts = {"role": "prior", "layout": "small", "rates": "prior", "hand": hand.name, "steps": config.steps,
              "lift_m": config.lift_m, "start": "anywhere", "base": "prior", "seed": seed,
              "posture": start_posture(hand, targets, kept, config.fixed).tolist(),

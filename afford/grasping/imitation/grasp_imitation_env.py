@@ -20,6 +20,7 @@ from scipy.spatial.transform import Rotation
 
 from afford.grasping.env.actions import turned
 from afford.grasping.env.config import GraspEnvConfig
+from afford.grasping.env.flight_recorder import FlightRecorder
 from afford.grasping.env.grasp_worlds import GraspWorlds
 from afford.grasping.env.scenery import about_z
 from afford.grasping.env.step_result import StepResult
@@ -36,7 +37,7 @@ from afford.grasping.imitation.tracking import (
     imitation_rewards,
     tracking_failed,
 )
-from afford.grasping.sim.engine import CONTROL_S, State, check_stage_engine
+from afford.grasping.sim.engine import CONTROL_S, State
 from afford.grasping.sim.scene import Physics
 from afford.grasping.sim.scripted import Aim
 from schemas.hand import HandModel, HandReference
@@ -49,7 +50,7 @@ class GraspImitationConfig:
     """Configuration of the worlds. ValueError for an unknown value."""
 
     engine: str = "mujoco"
-    """mujoco or bullet"""
+    """mujoco, bullet or warp"""
     physics: Physics = field(default_factory=Physics)
     """rate and accuracy of the physics"""
     reward: str = "paper"
@@ -70,9 +71,10 @@ class GraspImitationConfig:
     """mean error of a level from which an episode fails"""
     threads: int = 1
     """threads that compute worlds"""
+    device: str = "cpu"
+    """cpu; or cuda or cuda:N with the engine warp"""
 
     def __post_init__(self) -> None:
-        check_stage_engine(self.engine)
         if self.reward not in REWARDS:
             raise ValueError(f"reward: expected {' or '.join(REWARDS)}, got {self.reward!r}")
 
@@ -81,7 +83,7 @@ class GraspImitationWorlds:
     """n worlds, each with an object and the clips that grasp it (step_result.BatchedWorlds)."""
 
     def __init__(self, hand: HandModel, tasks: Sequence[Task], references: Sequence[HandReference], config: GraspImitationConfig,
-                 alone: bool = False) -> None:  # fmt: skip
+                 alone: bool = False, recorder: FlightRecorder | None = None) -> None:  # fmt: skip
         """Build the worlds. A world draws from all clips of its object; with `alone`, world k follows clip k only.
 
         ValueError for an object that no clip grasps, clips of another hand, or clips without an object.
@@ -93,7 +95,8 @@ class GraspImitationWorlds:
         start = tuple(self._u[0][0].tolist())
         self.grasping = GraspWorlds(hand, tasks, GraspEnvConfig(
             engine=config.engine, physics=config.physics, base="prior", posture=start, role="prior", start="anywhere",
-            steps=config.steps, lift_m=config.lift_m, xy_m=config.xy_m, threads=config.threads))  # fmt: skip
+            steps=config.steps, lift_m=config.lift_m, xy_m=config.xy_m, threads=config.threads, device=config.device),
+            recorder)  # fmt: skip
         self._of_world = [[k] if alone else _clips_of(one, self.clips.references) for k, one in enumerate(tasks)]
         n = len(tasks)
         self._now = _EpisodeState(np.zeros(n, int), np.zeros(n, int), np.zeros((n, 3)), np.zeros((n, 3)))

@@ -19,6 +19,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from afford.grasping.env.flight_recorder import FlightRecorder
 from afford.grasping.env.gym_env import PPOEnvAdapter, VectorEnv, mean_report
 from afford.grasping.env.step_result import StepResult
 from afford.grasping.imitation.grasp_imitation_env import GraspImitationWorlds
@@ -109,17 +110,21 @@ def new_prior(core: GraspImitationWorlds, hidden: tuple[int, ...], std: float, s
 
 
 def train_prior(core: GraspImitationWorlds, model: ActorCritic, config: PriorTrainingConfig, folder: Path,
-                progress: Progress) -> list[Point]:  # fmt: skip
-    """Train `model` in place; its curves. `folder` holds the checkpoint."""
+                progress: Progress, recorder: FlightRecorder | None = None) -> list[Point]:  # fmt: skip
+    """Train `model` in place, on its device; its curves. `folder` holds the checkpoint, `recorder` is that of the worlds."""
     state = _resume(model, config, folder)
     total = config.cloning + config.ppo.updates
     envs = LabellingEnv(core)
     while state.update < total:
         torch.manual_seed(derive_seed(config.seed, state.update))
+        if recorder is not None:
+            recorder.begin(state.update)
         if state.update < config.cloning:
             _dagger_update(core, state, config)
         else:
             _ppo_update(envs, state, config)
+        if recorder is not None:
+            state.log("train", recorder.take_count())
         state.update += 1
         if state.update == total or state.update % SAVE_EVERY == 0:
             state.save(folder)
@@ -135,7 +140,7 @@ def export_prior(root: Path, model: ActorCritic, facts: Mapping[str, Any]) -> Pa
 
 
 def _resume(model: ActorCritic, config: PriorTrainingConfig, folder: Path) -> PriorTraining:
-    obs, label = torch.zeros(0, model.config.observation), torch.zeros(0, model.config.action)
+    obs, label = (torch.zeros(0, width, device=model.device) for width in (model.config.observation, model.config.action))
     state = PriorTraining(model, ppo.make_optimizer(model, config.lr), obs, label, [])
     if not (folder / FILE).exists():
         return state
@@ -146,7 +151,7 @@ def _resume(model: ActorCritic, config: PriorTrainingConfig, folder: Path) -> Pr
         parts[part][key] = tensor
     restore_weights(model, parts["now"])
     restore_optimizer(state.optimizer, parts["moments"])
-    state.obs, state.label = parts["memory"]["obs"], parts["memory"]["label"]
+    state.obs, state.label = (parts["memory"][name].to(model.device) for name in ("obs", "label"))
     state.update, state.points = words["update"], [Point(*point) for point in words["points"]]
     state.settled = words["settled"]
     return state
@@ -163,7 +168,7 @@ def _dagger_update(core: GraspImitationWorlds, state: PriorTraining, config: Pri
     losses = list[float]()
     state.model.train()
     for _ in range(config.passes):
-        for rows in torch.randperm(len(state.obs)).split(config.batch):
+        for rows in torch.randperm(len(state.obs)).to(state.obs.device).split(config.batch):
             loss = nn.functional.mse_loss(state.model.actions(state.obs[rows]).mean, state.label[rows])
             state.optimizer.zero_grad()
             loss.backward()
@@ -185,12 +190,12 @@ def _collect_episodes(core: GraspImitationWorlds, model: ActorCritic, config: Pr
     nudges = _nudges(config, n, steps, rng)
     rows = list[tuple[Tensor, Tensor]]()
     for step in range(steps):
-        obs, expert = torch.from_numpy(core.observe()), core.expert()
-        own = model.actions(obs).mean.numpy()
+        obs, expert = torch.as_tensor(core.observe(), device=model.device), core.expert()
+        own = model.actions(obs).mean.cpu().numpy()
         action = np.where(expert_acts[:, None], expert, own) + config.noise * rng.normal(size=expert.shape)
         action[:, 0] += nudges[step]
         core.step(action, rngs)
-        rows.append((obs, torch.from_numpy(expert.astype(np.float32))))
+        rows.append((obs, torch.as_tensor(expert.astype(np.float32), device=model.device)))
     all_obs, label = (torch.stack(column).flatten(0, 1) for column in zip(*rows, strict=True))
     return all_obs, label, mean_report(core.report(), ~expert_acts)
 
@@ -242,7 +247,7 @@ def _ppo_update(envs: LabellingEnv, state: PriorTraining, config: PriorTrainingC
         group["lr"] = config.ppo.lr * (1 - number / config.ppo.updates) if state.settled else CRITIC_LR
     if state.settled:
         scalars |= ppo.update(model, state.optimizer, rollout, config.ppo)
-        labels = envs.labels
+        labels = envs.labels.to(model.device)
         scalars["anchor"] = _fit(state, config.batch, 1, lambda rows: config.anchor * nn.functional.mse_loss(
             model.actions(rollout.obs[rows]).mean, labels[rows]), len(labels))  # fmt: skip
     else:
@@ -256,7 +261,7 @@ def _fit(state: PriorTraining, batch: int, passes: int, loss_of: Callable[[Tenso
     losses = list[float]()
     state.model.train()
     for _ in range(passes):
-        for rows in torch.randperm(count).split(batch):
+        for rows in torch.randperm(count).to(state.model.device).split(batch):
             loss = loss_of(rows)
             state.optimizer.zero_grad()
             loss.backward()

@@ -74,8 +74,8 @@ class MeanAction:
 
 
 def mean_action(model: ActorCritic, obs: torch.Tensor) -> np.ndarray:
-    """(n, m) float64 mean of the action distribution, within -1..1."""
-    found: np.ndarray = model.actions(obs).mean.clamp(-1, 1).numpy().astype(np.float64)
+    """(n, m) float64 mean of the action distribution, within -1..1, computed on the device of the model."""
+    found: np.ndarray = model.actions(obs.to(model.device)).mean.clamp(-1, 1).cpu().numpy().astype(np.float64)
     return found
 
 

@@ -16,6 +16,7 @@ import numpy as np
 import torch
 
 from afford.common.files import empty_folder
+from afford.grasping.env.flight_recorder import FlightRecorder, export_records
 from afford.grasping.env.grasp_worlds import GraspWorlds
 from afford.grasping.env.rollout import Actor
 from afford.grasping.policies.student import StudentObserver, StudentSensors, write_student
@@ -23,6 +24,7 @@ from afford.grasping.policies.student_obs import StudentObs
 from afford.grasping.rl import dagger
 from afford.grasping.rl.cloud_policy import CloudConfig, CloudPolicy, paper_config
 from afford.grasping.rl.ppo import make_optimizer
+from afford.models.loading import device_of
 from afford.training.curves import EventWriter
 from afford.training.loop import derive_seed
 from afford.training.state import TrainingState, load_checkpoint, resume, save_checkpoint
@@ -34,14 +36,17 @@ SECTION = 5
 class DistillationEnv:
     """n grasping worlds with a teacher: an environment of DAgger (dagger.DaggerEnv). Actions are in the frame of the start."""
 
-    def __init__(self, core: GraspWorlds, teacher: Actor, sensors: StudentSensors, seed: int) -> None:
-        self.core, self.teacher, self.seed, self.steps = core, teacher, seed, core.config.steps
+    def __init__(self, core: GraspWorlds, teacher: Actor, sensors: StudentSensors, recorder: FlightRecorder) -> None:
+        """`recorder` is that of the worlds, whose seed is also that of the episodes."""
+        self.core, self.teacher, self.seed, self.steps = core, teacher, recorder.seed, core.config.steps
+        self.recorder = recorder
         self.observer = StudentObserver(core, sensors)
         self._rngs: list[np.random.Generator] = []
 
     def begin(self, round_: int) -> StudentObs:
         """Reset all worlds; episodes are functions of the seed, the round and the world."""
         n = len(self.core.tasks)
+        self.recorder.begin(round_)
         self._rngs = [np.random.default_rng([self.seed, round_, k]) for k in range(n)]
         self.core.reset(range(n), self._rngs)
         self.observer.reseed(int(np.random.default_rng([self.seed, round_]).integers(2**62)))
@@ -62,24 +67,27 @@ class DistillationEnv:
 
 
 def train_student(envs: DistillationEnv, size: str, config: dagger.DaggerConfig, folder: Path,
-                  progress: Callable[[int, int], None]) -> tuple[CloudPolicy, TrainingState]:  # fmt: skip
-    """Train a student; the network and its curves. `folder` holds checkpoint.safetensors, the replay buffer and tensorboard/."""
-    model = new_student(size, envs.begin(0).robot.shape[1], envs.core.motors, config.seed)
+                  progress: Callable[[int, int], None], device: str = "cpu") -> tuple[CloudPolicy, TrainingState]:  # fmt: skip
+    """Train a student on `device`; the network, on the CPU, and its curves.
+
+    `folder` holds checkpoint.safetensors, the replay buffer and tensorboard/.
+    """
+    model = new_student(size, envs.begin(0).robot.shape[1], envs.core.motors, config.seed).to(device_of(device))
     optimizer = make_optimizer(model, config.lr)
-    state = resume(folder, model, optimizer, "cpu")
+    state = resume(folder, model, optimizer, device)
     events = EventWriter(folder / "tensorboard", state.points)
     buffer = _load_buffer(folder, config.buffer, state.step)
 
     def on_round(number: int, scalars: dict[str, float]) -> None:
         state.step = number + 1
-        state.log("train", scalars)
+        state.log("train", scalars | envs.recorder.take_count())
         if state.step % SECTION == 0 or state.step == config.rounds:
             _save(folder, state, events, model, optimizer, buffer)
         progress(state.step, config.rounds)
 
     dagger.train(envs, model, config, optimizer, buffer, state.step, on_round)
     state.best_step = state.step
-    return model.eval(), state
+    return model.cpu().eval(), state
 
 
 def new_student(size: str, robot: int, action: int, seed: int) -> CloudPolicy:
@@ -97,6 +105,7 @@ def export_student(folder: Path, model: CloudPolicy, sensors: StudentSensors, fa
     write_student(root, model, sensors, facts)
     if (folder / "tensorboard").exists():
         shutil.copytree(folder / "tensorboard", root / "tensorboard")
+    export_records(folder, root)
     return root
 
 

@@ -19,12 +19,14 @@ import torch
 from afford.common.files import empty_folder
 from afford.grasping.env.config import GraspEnvConfig
 from afford.grasping.env.env import AffordanceGraspVector
+from afford.grasping.env.flight_recorder import FlightRecorder, export_records
 from afford.grasping.env.gym_env import PPOEnvAdapter, VectorEnv
 from afford.grasping.env.step_result import StepResult
 from afford.grasping.env.task import Task
 from afford.grasping.policies.load_policy import ENVIRONMENT, PRIOR, mean_action, prior_columns
 from afford.grasping.rl import policy_files, ppo
 from afford.grasping.rl.ppo import ActorCritic, PolicyConfig, PPOConfig, paper_config
+from afford.models.loading import device_of
 from afford.training.curves import EventWriter
 from afford.training.loop import derive_seed
 from afford.training.state import TrainingState, resume
@@ -91,25 +93,32 @@ class ResidualEnv(PPOEnvAdapter):
 
 
 def train_teacher(hand: HandModel, tasks: Sequence[Task], prior: FrozenPrior | None, config: GraspEnvConfig,
-                  plan: TeacherTrainingConfig, folder: Path,
-                  progress: Callable[[int, int], None]) -> tuple[ActorCritic, TrainingState]:  # fmt: skip
-    """Train a teacher; the network and its curves. `folder` holds checkpoint.safetensors and tensorboard/."""
-    envs = AffordanceGraspVector(plan.worlds, hand, tasks, **vars(config))
+                  plan: TeacherTrainingConfig, folder: Path, progress: Callable[[int, int], None],
+                  device: str = "cpu") -> tuple[ActorCritic, TrainingState]:  # fmt: skip
+    """Train a teacher; the network, on the CPU, and its curves.
+
+    `folder` holds checkpoint.safetensors, tensorboard/ and diverged/. The networks are on `device`.
+    """
+    recorder = FlightRecorder(folder, config.engine, plan.seed)
+    envs = AffordanceGraspVector(plan.worlds, hand, tasks, recorder, **vars(config))
     try:
-        model = new_teacher(plan, envs.core.width, envs.core.motors)
+        model = new_teacher(plan, envs.core.width, envs.core.motors).to(device_of(device))
+        if prior is not None:
+            prior.model.to(model.device)
         optimizer = ppo.make_optimizer(model, plan.ppo.lr)
-        state = resume(folder, model, optimizer, "cpu")
+        state = resume(folder, model, optimizer, device)
         events = EventWriter(folder / "tensorboard", state.points)
         while state.step < plan.ppo.updates:
             seed = derive_seed(plan.seed, state.step, 1)  # of world 0; the other worlds follow it
+            recorder.begin(state.step)
             adapter = PPOEnvAdapter(envs, seed, SCALE) if prior is None else ResidualEnv(envs, prior, seed)
-            _train_section(adapter, model, plan, optimizer, state, progress)
+            _train_section(adapter, model, plan, optimizer, state, progress, recorder)
             events.append(state.points)
             state.save(folder, model, optimizer)
     finally:
         envs.close()
     state.best_step = state.step
-    return model.eval(), state
+    return model.cpu().eval(), state
 
 
 def new_teacher(plan: TeacherTrainingConfig, observation: int, action: int) -> ActorCritic:
@@ -131,14 +140,15 @@ def export_teacher(folder: Path, model: ActorCritic, prior: FrozenPrior | None, 
         policy_files.write_policy(root / PRIOR, prior.model, {"role": "prior", "layout": config.layout})
     if (folder / "tensorboard").exists():
         shutil.copytree(folder / "tensorboard", root / "tensorboard")
+    export_records(folder, root)
     return root
 
 
 def _train_section(envs: PPOEnvAdapter, model: ActorCritic, plan: TeacherTrainingConfig, optimizer: torch.optim.Optimizer,
-                   state: TrainingState, progress: Callable[[int, int], None]) -> None:  # fmt: skip
+                   state: TrainingState, progress: Callable[[int, int], None], recorder: FlightRecorder) -> None:  # fmt: skip
     def on_update(update: int, scalars: dict[str, float]) -> None:
         state.step = update + 1
-        state.log("train", scalars | {"std": float(model.log_std.detach().exp().mean())})
+        state.log("train", scalars | {"std": float(model.log_std.detach().exp().mean())} | recorder.take_count())
         progress(state.step, plan.ppo.updates)
 
     torch.manual_seed(derive_seed(plan.seed, state.step))

@@ -75,12 +75,17 @@ class CloudPolicy(nn.Module):
         self.weight = nn.Linear(config.width, 1)
         self.actor = mlp((config.width + config.robot, *config.hidden, config.action), config.activation, last=0.01)
 
+    @property
+    def device(self) -> torch.device:
+        """Device of the parameters."""
+        return self.weight.weight.device
+
     def forward(self, robot: Tensor, cloud: Tensor, N: Tensor) -> Tensor:
         """(n, r), (n, k, 3) whose first half is the hand, (n, p, 3) negative points -> (n, action)."""
         state = self.seen(robot)
         whole, negative = cloud.float() / UNIT_M, N.float() / UNIT_M
         hand, obj = whole.chunk(2, dim=1)
-        kind = torch.linspace(0, 1, 2).repeat_interleave(hand.shape[1])[None, :, None].expand(len(whole), -1, 1)
+        kind = torch.linspace(0, 1, 2, device=whole.device).repeat_interleave(hand.shape[1])[None, :, None].expand(len(whole), -1, 1)
         tokens = torch.stack([self.hand(hand, state), self.object(obj, state), self.all(torch.cat([whole, kind], 2), state),
                               self.negative(negative, state)], dim=1)  # fmt: skip
         mixed = self.mixer(tokens)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -83,10 +84,10 @@ class ReplayBuffer:
             kept[at] = column
         self.count += len(columns[0])
 
-    def sample(self, rng: np.random.Generator, count: int) -> list[Tensor]:
+    def sample(self, rng: np.random.Generator, count: int, device: torch.device | None = None) -> list[Tensor]:
         """Sample `count` rows uniformly, with replacement."""
         at = rng.integers(min(self.count, self.size), size=count)
-        return [torch.from_numpy(column[at]) for column in self.columns]
+        return [torch.as_tensor(column[at], device=device) for column in self.columns]
 
 
 def train(envs: DaggerEnv, model: CloudPolicy, config: DaggerConfig, optimizer: torch.optim.Optimizer, buffer: ReplayBuffer,
@@ -106,6 +107,7 @@ def collect_episodes(envs: DaggerEnv, model: CloudPolicy, config: DaggerConfig, 
                      rng: np.random.Generator) -> dict[str, float]:  # fmt: skip
     """Play an episode in every world; mean figures of the worlds in which the student acted, and the teacher's share `led`."""
     model.eval()
+    to_device = partial(torch.as_tensor, device=model.device)
     obs = envs.begin(number)
     beta = max(0.0, 1 - number / config.led) if config.led else 0.0
     teacher_acts = np.arange(len(obs[0])) < round(beta * len(obs[0]))
@@ -115,10 +117,9 @@ def collect_episodes(envs: DaggerEnv, model: CloudPolicy, config: DaggerConfig, 
         label = envs.label()
         buffer.add(*obs, label.astype(np.float32))
         robots.append(obs[0])
-        action = label if teacher_acts.all() else np.where(teacher_acts[:, None], label,
-                                                           model(*map(torch.from_numpy, obs)).numpy())  # fmt: skip
+        action = label if teacher_acts.all() else np.where(teacher_acts[:, None], label, model(*map(to_device, obs)).cpu().numpy())
         obs = envs.step(action)
-    model.seen.update(torch.from_numpy(np.concatenate(robots)))
+    model.seen.update(to_device(np.concatenate(robots)))
     report = {name: figure[~teacher_acts & ~np.isnan(figure)] for name, figure in envs.report().items()}
     return {name: float(figure.mean()) for name, figure in report.items() if len(figure)} | {"led": float(teacher_acts.mean())}
 
@@ -129,7 +130,7 @@ def update(model: CloudPolicy, config: DaggerConfig, optimizer: torch.optim.Opti
     model.train()
     errors = []
     for _ in range(config.updates):
-        *obs, label = buffer.sample(rng, config.batch)
+        *obs, label = buffer.sample(rng, config.batch, model.device)
         loss = nn.functional.mse_loss(model(*obs), label)
         optimizer.zero_grad()
         loss.backward()

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from typing import Protocol
 
@@ -116,6 +117,11 @@ class ActorCritic(nn.Module):
         self.critic = mlp((config.observation, *config.hidden, 1), config.activation, last=1.0)
         self.log_std = nn.Parameter(torch.full((config.action,), config.std).log())
 
+    @property
+    def device(self) -> torch.device:
+        """Device of the parameters."""
+        return self.log_std.device
+
     def forward(self, obs: Tensor) -> tuple[Independent, Tensor]:
         """(n, d) -> distribution of actions (n, a), values (n,)."""
         return self.actions(obs), self.value(obs)
@@ -143,7 +149,10 @@ def mlp(widths: tuple[int, ...], activation: str, last: float) -> nn.Sequential:
 
 
 class VecEnv(Protocol):
-    """n environments that reset themselves when an episode ends. A result has obs, final_obs, reward and metrics."""
+    """n environments that reset themselves when an episode ends. A result has obs, final_obs, reward and metrics.
+
+    Arrays are numpy's, on the CPU; PPO computes on the device of its model.
+    """
 
     def reset(self) -> np.ndarray:
         """First observations (n, d)."""
@@ -176,7 +185,7 @@ def train(envs: VecEnv, model: ActorCritic, config: PPOConfig, optimizer: torch.
     """
     obs = envs.reset()
     if not model.seen.count:
-        model.seen.update(torch.from_numpy(obs))
+        model.seen.update(torch.as_tensor(obs, device=model.device))
     for number in range(first, config.updates if until is None else until):
         if config.anneal:  # 4
             for group in optimizer.param_groups:
@@ -196,37 +205,38 @@ def make_optimizer(model: nn.Module, lr: float) -> torch.optim.Adam:
 def collect_rollout(envs: VecEnv, model: ActorCritic, obs: np.ndarray, config: PPOConfig) -> tuple[Rollout, np.ndarray]:
     """Sample actions for `config.steps` steps; the rollout, and the observations (n, d) to continue from."""
     model.eval()
+    to_device = partial(torch.as_tensor, device=model.device)
     rows = list[tuple[Tensor, ...]]()
     results = list[StepResult]()
     for _ in range(config.steps):
-        seen = torch.from_numpy(obs)
+        seen = to_device(obs)
         dist, value = model(seen)  # continuous control 1, 2: a Gaussian whose spread is a parameter
         action = dist.sample()  # continuous control 3: components are independent
-        result = envs.step(action.numpy())
-        rows.append((seen, action, dist.log_prob(action), value, model.value(torch.from_numpy(result.final_obs))))
+        result = envs.step(action.cpu().numpy())
+        rows.append((seen, action, dist.log_prob(action), value, model.value(to_device(result.final_obs))))
         results.append(result)
         obs = result.obs
     seen, action, log_prob, value, next_value = (torch.stack(column) for column in zip(*rows, strict=True))
-    reward, terminated, done = (np.stack([getattr(one, name) for one in results]) for name in ("reward", "terminated", "done"))
-    advantage = torch.from_numpy(gae(reward.astype(np.float32), value.numpy(), next_value.numpy(), terminated, done,
-                                     config.gamma, config.gae_lambda))  # fmt: skip
+    reward, terminated, done = (to_device(np.stack([getattr(one, name) for one in results]))
+                                for name in ("reward", "terminated", "done"))  # fmt: skip
+    advantage = gae(reward.float(), value, next_value, terminated, done, config.gamma, config.gae_lambda)
     columns = (seen, action, log_prob, advantage, value, advantage + value)
     a, b, c, d, e, f = (column.flatten(0, 1) for column in columns)
     return Rollout(a, b, c, d, e, f, _mean([one.metrics for one in results])), obs
 
 
-def gae(reward: np.ndarray, value: np.ndarray, next_value: np.ndarray, terminated: np.ndarray, done: np.ndarray, gamma: float,
-        gae_lambda: float) -> np.ndarray:  # fmt: skip
+def gae(reward: Tensor, value: Tensor, next_value: Tensor, terminated: Tensor, done: Tensor, gamma: float,
+        gae_lambda: float) -> Tensor:  # fmt: skip
     """Compute generalized advantage estimates (5; Schulman et al. 2016), (t, n) of t steps in n environments.
 
     `value` (t, n) belongs to the observations that were acted on, `next_value` (t, n) to those that followed, before any reset.
     Where `terminated` (t, n), the next value is 0. Where `done` (t, n), terminated or truncated, the next row is another episode.
     """
-    td_error = reward + gamma * np.where(terminated, 0, next_value) - value  # delta
-    advantage = np.zeros_like(td_error)
-    last_gae = np.zeros(td_error.shape[1:], td_error.dtype)
+    td_error = reward + gamma * next_value.masked_fill(terminated, 0) - value  # delta
+    advantage = torch.zeros_like(td_error)
+    last_gae = torch.zeros_like(td_error[0])
     for t in reversed(range(len(td_error))):
-        last_gae = td_error[t] + gamma * gae_lambda * np.where(done[t], 0, last_gae)
+        last_gae = td_error[t] + gamma * gae_lambda * last_gae.masked_fill(done[t], 0)
         advantage[t] = last_gae
     return advantage
 
@@ -236,7 +246,7 @@ def update(model: ActorCritic, optimizer: torch.optim.Optimizer, rollout: Rollou
     model.train()
     scalars, passes = dict[str, float](), float(config.epochs)
     for epoch in range(config.epochs):
-        for rows in torch.randperm(len(rollout.action)).chunk(config.minibatches):  # 6
+        for rows in torch.randperm(len(rollout.action)).to(model.device).chunk(config.minibatches):  # 6
             policy_loss, value_loss, found = losses(model, rollout, rows, config)
             if config.target_kl and found["kl"] > 1.5 * config.target_kl:  # 12: from here on only the critic learns
                 passes = min(passes, float(epoch))

@@ -52,6 +52,10 @@ class State:
     """number of contact points between hand and object"""
 
 
+class DivergedError(RuntimeError):
+    """Error of a world whose physics diverged; `reset` makes the world usable again."""
+
+
 class World(Protocol):
     """World of one hand, one object and one table."""
 
@@ -59,7 +63,10 @@ class World(Protocol):
         """Set the joints to q (d,) and the object's frame to the pose (7,), at rest, and cancel pushes."""
 
     def step(self, u: np.ndarray, control_s: float) -> State:
-        """Advance by control_s, a whole number of solver steps, while the motors follow targets u (m,)."""
+        """Advance by control_s, a whole number of solver steps, while the motors follow targets u (m,).
+
+        DivergedError where an engine finds that its physics diverged.
+        """
 
     def push(self, force: np.ndarray, duration_s: float) -> None:
         """Apply a force (3,) to the object's centre of mass for duration_s, from now on."""
@@ -84,9 +91,10 @@ def make_world(engine: str, scene: Scene) -> World:
 
 
 def check_stage_engine(engine: str) -> None:
-    """Raise ValueError for an engine of an extra: its version is in no key, so stages must not use it."""
+    """Raise ValueError for an engine of an extra, whose version is only in the keys of stages that train."""
     if engine not in BACKENDS:
-        raise ValueError(f"engine: expected {' or '.join(BACKENDS)}, got {engine!r}; only environments may use other engines")
+        raise ValueError(f"engine: expected {' or '.join(BACKENDS)}, got {engine!r}; only environments and trainings may use other "
+                         "engines")
 
 
 def solver_steps(control_s: float, rate_hz: int) -> int:

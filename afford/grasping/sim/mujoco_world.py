@@ -15,7 +15,7 @@ import numpy as np
 from afford.common.geometry import cross
 from afford.grasping.hand.export import mesh_files as files_of
 from afford.grasping.hand.kinematics import commanded_joints, moving_joints, points_on_links
-from afford.grasping.sim.engine import State, finite_vector, solver_steps
+from afford.grasping.sim.engine import DivergedError, State, finite_vector, solver_steps
 from afford.grasping.sim.scene import Scene, finger_of_link, hold_command, scene_limits
 from schemas.grasp import GraspObject
 from schemas.hand import HandModel
@@ -102,8 +102,8 @@ class MujocoWorld:
         done = self._again() or self._again(FINER)
         self.model.opt.jacobian = mujoco.mjtJacobian.mjJAC_SPARSE
         if not done:
-            raise RuntimeError(f"{self.scene.body.name}: MuJoCo diverged and reset itself; more iterations than "
-                               f"{self.scene.physics.iterations} or a rate above {self.scene.physics.rate_hz} Hz are needed")
+            raise DivergedError(f"{self.scene.body.name}: MuJoCo diverged and reset itself; more iterations than "
+                                f"{self.scene.physics.iterations} or a rate above {self.scene.physics.rate_hz} Hz are needed")
 
     def _again(self, parts: int = 1) -> bool:
         """Retry the step in equal parts."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import fields
+from dataclasses import fields, replace
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from typing import Any, Protocol, cast
@@ -16,7 +16,7 @@ from typing import Any, Protocol, cast
 import numpy as np
 
 from afford.common.registry import load
-from afford.grasping.sim.engine import BACKENDS, State, World, make_world
+from afford.grasping.sim.engine import BACKENDS, DivergedError, State, World, make_world
 from afford.grasping.sim.scene import Scene
 
 
@@ -29,6 +29,10 @@ def most_parts(scenes: Sequence[Scene]) -> int:
     if len(names) != 1:
         raise ValueError(f"Worlds: expected one scene or more, with one hand, got {len(scenes)} with {len(names)} hands")
     return max(len(scene.body.parts) for scene in scenes)
+
+
+UNKNOWN = ("q", "qd", "body", "velocity", "spin")
+"""fields of State that are NaN where a world diverged"""
 
 
 class ThreadWorlds:
@@ -55,7 +59,7 @@ class ThreadWorlds:
 
     def step(self, u: np.ndarray, control_s: float) -> State:
         """Advance all worlds with commands u (n, m)."""
-        return self._each(lambda k, row: self.worlds[k].step(u[row], control_s), None)
+        return self._each(lambda k, row: self._advance(k, u[row], control_s), None)
 
     def push(self, force: np.ndarray, duration_s: float, which: Sequence[int] | None = None) -> None:
         """Push the objects of the worlds `which`, or of all, with force (k, 3)."""
@@ -80,6 +84,14 @@ class ThreadWorlds:
             world.close()
         if self._pool is not None:
             self._pool.shutdown()
+
+    def _advance(self, k: int, u: np.ndarray, control_s: float) -> State:
+        try:
+            return self.worlds[k].step(u, control_s)
+        except DivergedError:
+            state = self.worlds[k].state()
+            unknown = {name: np.full_like(getattr(state, name), np.nan) for name in UNKNOWN}
+            return replace(state, **unknown)  # type: ignore[arg-type]  # all of them are arrays
 
     def _each(self, act: Callable[[int, int], State], which: Sequence[int] | None) -> State:
         chosen = range(len(self.worlds)) if which is None else which
@@ -294,7 +306,6 @@ def _reply(line: Connection, answer: Any) -> Any:
 
 TOGETHER = {"warp": "afford.grasping.sim.warp_worlds:WarpWorlds"}
 """engines that compute all worlds at once, on a device"""
-ENGINES = (*sorted(BACKENDS), *sorted(TOGETHER))
 
 
 class WorldBatch(Protocol):
@@ -310,7 +321,7 @@ class WorldBatch(Protocol):
         """Reset the worlds `which`, or all, to q (k, d) and body (k, 7), and return their states."""
 
     def step(self, u: np.ndarray, control_s: float) -> State:
-        """Advance all worlds with commands u (n, m)."""
+        """Advance all worlds with commands u (n, m). A world that diverged has NaN in its state, and needs a reset."""
 
     def push(self, force: np.ndarray, duration_s: float, which: Sequence[int] | None = None) -> None:
         """Push the objects of the worlds `which`, or of all, with force (k, 3)."""
