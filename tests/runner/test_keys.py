@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -86,6 +87,19 @@ def test_the_kind_of_machine_names_its_vector_units() -> None:
         pytest.skip("the system does not list what its CPU has")
     flags = set(cpuinfo.read_text().replace("\t", " ").split())
     assert set(VECTORS) & set(machine_kind().split()) == set(VECTORS) & flags
+
+
+@dataclass(frozen=True)
+class OnDevice:
+    device: str = "cpu"
+    bf16: bool = False
+
+
+@pytest.mark.parametrize(("params", "counts"), [(OnDevice(), False), (OnDevice("cuda:1"), True), (OnDevice(bf16=True), True)])
+def test_a_device_brings_the_kind_of_machine_into_the_key(params: OnDevice, counts: bool) -> None:
+    """A parameter that MACHINE names counts where it is set, and a device where it is not the CPU."""
+    node = SimpleNamespace(name="stage", params=params)
+    assert keys._machine(["device", "bf16"], node, frozenset()) == (machine_kind() if counts else "")  # type: ignore[arg-type]
 
 
 def test_the_kind_of_machine_is_in_the_key_of_stages_that_say_so() -> None:
