@@ -2,17 +2,18 @@
 
     PYTHONPATH=. python benchmarks/bench_engines.py
 
-The scripted grasp reaches, grasps and lifts, with observation and reward after every control step of 1/20 s. CPU seconds are
-those of all processes. Wall seconds are meaningful only on an idle machine. Rows of mujoco-warp need the extra `gpu`, its GPU
-rows a GPU.
+The scripted grasp reaches, grasps and lifts. The definitions of all columns are above the table (DEFINITIONS). Rows of mujoco-warp
+need the extra `gpu`, its GPU rows a GPU.
 """
 
 from __future__ import annotations
 
 import importlib.util
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import psutil
@@ -27,6 +28,8 @@ from afford.grasping.env.task import Task
 from afford.grasping.hand.assets import shadow_files
 from afford.grasping.policies.train_teacher import TeacherTrainingConfig, new_teacher
 from afford.grasping.rl import ppo
+from afford.grasping.sim.bullet_world import BulletWorld
+from afford.grasping.sim.engine import CONTROL_S
 from afford.grasping.sim.scene import Physics
 from benchmarks.bench_grasp_env import TOOLS, tool
 from benchmarks.pages import ROOT, into
@@ -57,8 +60,18 @@ class Setting:
 
 SETTINGS = (*(Setting("bullet", iterations, processes) for iterations in (20, 50, 100) for processes in (1, 2)),
             Setting("mujoco", 50), Setting("mujoco", 100))  # fmt: skip
-HEAD = ["| engine | device | iterations | processes | worlds | at the goal | penetration median / p95 mm | control steps / CPU s "
-        "| control steps / s | while it learns |", "|---|---|--:|--:|--:|--:|--:|--:|--:|--:|"]  # fmt: skip
+DEFINITIONS = """A physics step is one solver step of 1/240 s of one world. A control step is 1/20 s of one world: 12 physics steps,
+observation and reward. Without learning, a script acts. With learning, PPO acts and updates small networks, whose time counts
+too. CPU s are those of all processes; the column in wall seconds means nothing where other jobs run beside. In the solver: share
+of the CPU time of control steps, without learning, that is inside the engine's own step (`stepSimulation`, `mj_step`,
+mujoco-warp's `step`). At the goal: scripted grasps whose object is held at its goal at the end; compare speeds of rows where this
+is alike.
+
+"""
+HEAD = [DEFINITIONS,
+        "| engine | device | iterations | processes | worlds | at the goal | penetration median / p95 mm | in the solver "
+        "| physics steps / CPU s | control steps / CPU s | control steps / s | learning, control steps / CPU s |",
+        "|---|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|"]  # fmt: skip
 
 
 def main() -> None:
@@ -71,22 +84,49 @@ def main() -> None:
 def row(hand: HandModel, tasks: list[Task], setting: Setting) -> str:
     """Measure one setting."""
     core = GraspWorlds(hand, [tasks[k % len(tasks)] for k in range(setting.worlds)], setting.config())
-    cpu_s, clock_s, goal, depths = _rollouts(core, setting.worlds)
+    solver = SolverClock(core)
+    cpu_s, clock_s, goal, depths = _rollouts(core, setting.worlds, solver)
     core.close()
-    steps = EPISODES * STEPS * setting.worlds
-    learning = f"{_learning(hand, tasks, setting):.0f}" if setting.device == "cuda" else ""
-    return (f"| {setting.engine} | {setting.device} | {setting.iterations} | {setting.processes} | {setting.worlds} | "
-            f"{100 * goal:.0f} % | {np.median(depths):.2f} / {np.percentile(depths, 95):.2f} | {steps / cpu_s:.0f} | "
-            f"{steps / clock_s:.0f} | {learning} |")  # fmt: skip
+    steps, physics = EPISODES * STEPS * setting.worlds, round(CONTROL_S * setting.config().physics.rate_hz)
+    share = f"{100 * solver.spent_s / cpu_s:.0f} %" if setting.processes == 1 and setting.device == "cpu" else ""
+    found = (f"| {setting.engine} | {setting.device} | {setting.iterations} | {setting.processes} | {setting.worlds} | "
+             f"{100 * goal:.0f} % | {np.median(depths):.2f} / {np.percentile(depths, 95):.2f} | {share} "
+             f"| {physics * steps / cpu_s:.0f} | {steps / cpu_s:.0f} | {steps / clock_s:.0f} "
+             f"| {_learning(hand, tasks, setting):.0f} |")  # fmt: skip
+    print(found, flush=True)
+    return found
 
 
-def _rollouts(core: GraspWorlds, n: int) -> tuple[float, float, float, np.ndarray]:
-    """Return CPU seconds, seconds, share of objects at their goals at the end, and depths in mm, without the first step.
-    """
+class SolverClock:
+    """CPU seconds inside the engine's own step, of worlds in this process."""
+
+    def __init__(self, core: GraspWorlds) -> None:
+        self.spent_s = 0.0
+        for world in getattr(core.worlds, "worlds", ()):
+            if isinstance(world, BulletWorld):
+                world.client.stepSimulation = self._timed(world.client.stepSimulation)
+            else:
+                world._moved = self._timed(world._moved)
+        for group in getattr(core.worlds, "_groups", ()):
+            group._advance = self._timed(group._advance)
+
+    def _timed(self, work: Callable[..., Any]) -> Callable[..., Any]:
+        def timed(*given: Any, **named: Any) -> Any:
+            before = time.thread_time()
+            found = work(*given, **named)
+            self.spent_s += time.thread_time() - before
+            return found
+
+        return timed
+
+
+def _rollouts(core: GraspWorlds, n: int, solver: SolverClock) -> tuple[float, float, float, np.ndarray]:
+    """Return CPU seconds, seconds, share of objects at their goals at the end, and depths in mm, without the first step."""
     rngs = [np.random.default_rng(k) for k in range(n)]
     core.reset(range(n), rngs)
     core.step(np.zeros((n, core.motors)), rngs)
     cpu_s, clock_s, at_goal, depths = 0.0, 0.0, list[float](), list[np.ndarray]()
+    solver.spent_s = 0.0
     for _ in range(EPISODES):
         core.reset(range(n), rngs)
         cpu, clock = _cpu_s(), time.perf_counter()
@@ -101,13 +141,15 @@ def _rollouts(core: GraspWorlds, n: int) -> tuple[float, float, float, np.ndarra
 
 
 def _learning(hand: HandModel, tasks: list[Task], setting: Setting) -> float:
-    """Return the control steps per second of PPO with updates, without the first update; the policy runs on the CPU."""
+    """Return the control steps per CPU second of PPO with updates, without the first update; per second on a GPU."""
     envs = AffordanceGraspVector(setting.worlds, hand, tasks, **vars(setting.config()))
-    config, clock = ppo.PPOConfig(updates=3), list[float]()
+    config, clock = ppo.PPOConfig(updates=2), list[float]()
+    now = time.perf_counter if setting.device == "cuda" else _cpu_s
     model = new_teacher(TeacherTrainingConfig(0, setting.worlds, "small", 0.5, 0.5, config), envs.core.width, envs.core.motors)
+    model.to(setting.device)
     torch.manual_seed(0)
     ppo.train(PPOEnvAdapter(envs, 0), model, config, ppo.make_optimizer(model, config.lr), 0,
-              lambda *_: clock.append(time.perf_counter()))
+              lambda *_: clock.append(now()))
     envs.close()
     return (config.updates - 1) * config.steps * setting.worlds / (clock[-1] - clock[0])
 

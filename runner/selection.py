@@ -19,7 +19,7 @@ What a stage declares, each with a default:
 
     LIBRARIES = ("numpy",)    distributions whose versions are in the key; default: none
     THREADS = 1               CPU threads; part of the key, because the number of threads may decide the last bits
-    MACHINE = False           True, or a parameter that makes the bytes depend on the kind of machine: where it is set, and not "cpu"
+    MACHINE = False           True, or a parameter that makes the bytes depend on the kind of machine where it is set, and not "cpu"
     MEMORY_GIB = 1.0          memory of the process that runs the stage, its libraries included
     GPUS = 0                  a number; or the name of a parameter ("device", "sam2.device"): one GPU if its value starts with
                               "cuda"; or ("device", "devices"): as many as the second parameter says

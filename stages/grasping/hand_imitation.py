@@ -2,7 +2,8 @@
 
 Reads   HandModel; GraspObjects; GraspTargets and the ReferenceSet of their clips, each clip named <target>_<number> and in the
         frame of its target's world; clips of a source other than `synthetic` are recorded ones, which have a place of their own
-Writes  Trained: policy.json (network, facts: role, layout, rates, steps, start), policy.safetensors, tensorboard/, diverged/; curves
+Writes  Trained: policy.json (network, facts: role, layout, rates, steps, start), policy.safetensors, tensorboard/, diverged/;
+        curves
 Method  clips that do not lift their object in simulation are dropped; then DAgger (the expert follows the clip; along the object
         it makes the clip's moves from wherever the hand is), then PPO with imitation rewards. The object is present and observed
         as AffordanceGrasp shows it to a prior, without parts. A training that was killed resumes to the same weights.

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import shutil
 from collections import deque
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +16,8 @@ import numpy as np
 from afford.grasping.sim.engine import State
 
 FASTEST, OBJECT_M_S = 200.0, 50.0
-"""speed beyond which a world has diverged: of a joint, rad/s and m/s, or of the spin of the object, rad/s; of the object's centre of
-mass. MuJoCo and PyBullet clamp all of them at 100, which a joint without load reaches"""
+"""speed beyond which a world has diverged: of a joint (rad/s, m/s) or of the object's spin (rad/s); of the object's centre of mass.
+MuJoCo and PyBullet clamp all of them at 100, which a joint without load reaches"""
 STEPS = 20
 """control steps that are kept of each world"""
 MOST = 64

@@ -1,8 +1,8 @@
 """n grasping worlds that are stepped at once: physics, episodes, rewards. The gymnasium environments (env.py) wrap them.
 
 Control runs at 20 steps per second, or 60 with action_mode=paper. An episode is terminated when the object is out of reach, or
-when the world diverged and a recorder keeps its last states, and truncated after `steps`. All randomness of an episode comes from the generator that its reset is given; differences between worlds
-come from `seed`.
+when the world diverged and a recorder keeps its last states, and truncated after `steps`. All randomness of an episode comes from
+the generator that its reset is given; differences between worlds come from `seed`.
 """
 
 from __future__ import annotations
@@ -210,8 +210,8 @@ class GraspWorlds:
 
     def _divergence(self, state: State) -> str:
         k, physics = int(np.argmax(diverged(state))), self.config.physics
-        return (f"{self.tasks[k].body.name}: {self.config.engine} diverged in world {k}; more iterations than {physics.iterations} or "
-                f"a rate above {physics.rate_hz} Hz are needed")
+        return (f"{self.tasks[k].body.name}: {self.config.engine} diverged in world {k}; more iterations than "
+                f"{physics.iterations} or a rate above {physics.rate_hz} Hz are needed")
 
     def _begin(self, which: Sequence[int], poses: Sequence[np.ndarray], aims: Sequence[Aim],
                posture: Sequence[float] = ()) -> None:  # fmt: skip

@@ -85,7 +85,8 @@ class CloudPolicy(nn.Module):
         state = self.seen(robot)
         whole, negative = cloud.float() / UNIT_M, N.float() / UNIT_M
         hand, obj = whole.chunk(2, dim=1)
-        kind = torch.linspace(0, 1, 2, device=whole.device).repeat_interleave(hand.shape[1])[None, :, None].expand(len(whole), -1, 1)
+        kind = torch.linspace(0, 1, 2, device=whole.device).repeat_interleave(hand.shape[1])
+        kind = kind[None, :, None].expand(len(whole), -1, 1)
         tokens = torch.stack([self.hand(hand, state), self.object(obj, state), self.all(torch.cat([whole, kind], 2), state),
                               self.negative(negative, state)], dim=1)  # fmt: skip
         mixed = self.mixer(tokens)

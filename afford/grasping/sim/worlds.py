@@ -16,7 +16,7 @@ from typing import Any, Protocol, cast
 import numpy as np
 
 from afford.common.registry import load
-from afford.grasping.sim.engine import BACKENDS, DivergedError, State, World, make_world
+from afford.grasping.sim.engine import DivergedError, State, World, make_world
 from afford.grasping.sim.scene import Scene
 
 
