@@ -90,11 +90,11 @@ def predict(image: Path, task: str, options: Options) -> int:
     question = Question(task.strip(), options.hands, options.threshold)
     try:
         sources = find(image)
-        model, predictor = open_model(options.model, options.store, options.device, options.dtype)
+        batch = options.batch or (1 if options.device == "cpu" else GPU_BATCH)
+        model, predictor = open_model(options.model, options.store, options.device, options.dtype, batch)
         claim_folder(options.out, options.force)
     except (ValueError, OSError) as error:
         raise UsageError(str(error)) from error
-    batch = options.batch or (1 if options.device == "cpu" else GPU_BATCH)
     with observer(quiet=False) as shown:
         for source in sources:
             for _ in range(picture_count(source, options.every)):
@@ -105,10 +105,11 @@ def predict(image: Path, task: str, options: Options) -> int:
     return _tell(_summary(question.task, model, options, done, time.perf_counter() - began), options)
 
 
-def open_model(given: Path | None, store: Path | None, device: str, dtype: str = "") -> tuple[ModelFolder, Predictor]:
+def open_model(given: Path | None, store: Path | None, device: str, dtype: str = "",
+               batch: int = 1) -> tuple[ModelFolder, Predictor]:  # fmt: skip
     """Open the model of `--model`, else the one that was trained last, else the shipped one.
 
-    UsageError when there is no model, or no such device.
+    UsageError when there is no model, no such device, or too little memory for a batch.
     """
     from afford.models import shipped
     from afford.twohands.model import model_folder
@@ -119,7 +120,7 @@ def open_model(given: Path | None, store: Path | None, device: str, dtype: str =
         if folder is None:
             raise UsageError(f"{(store or STORE) / 'models'}: no trained model there; run `make train` or give --model DIR")
         found = model_folder.find_model(folder)
-        return found, Predictor(found.folder, usable(device), dtype=dtype)
+        return found, Predictor(found.folder, usable(device), dtype=dtype, pictures=batch)
     except ValueError as error:
         raise UsageError(str(error)) from error
 

@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
-from commands.options import Json
+from commands.options import Device, Json, Sets
 
-app = typer.Typer(no_args_is_help=True, help="Import published checkpoints; list, verify and show them.")
+app = typer.Typer(no_args_is_help=True, help="Import published checkpoints; list, verify, show and plan them.")
 Imported = Annotated[Path, typer.Argument(metavar="DIR", help="folder that `weights import` wrote")]
 
 
@@ -49,3 +49,17 @@ def weights_show(folder: Imported, json: Json = False) -> None:
     from commands.weights_import import show
 
     raise typer.Exit(show(folder, json))
+
+
+@app.command("plan")
+def weights_plan(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="a two-hand model of the variant vlm, or a folder of backbones")],
+    device: Device = "cpu",
+    batch: Annotated[int, typer.Option(help="pictures in one batch of `predict`")] = 1,
+    set_: Sets = None,
+    json: Json = False,
+) -> None:
+    """Say how much memory predictions and trainings of a large model need, before anything is loaded."""
+    from commands.weights_plan import plan
+
+    raise typer.Exit(plan(folder, device, batch, set_ or (), json))

@@ -245,8 +245,12 @@ def autocast(device: str, wanted: bool) -> torch.autocast:
 
     A CPU without such instructions would only be slower, so it computes in single precision.
     """
-    kind = torch.device(device).type
-    return torch.autocast(kind, torch.bfloat16, wanted and (kind != "cpu" or has_bfloat16()))
+    return torch.autocast(torch.device(device).type, torch.bfloat16, autocasts(device, wanted))
+
+
+def autocasts(device: str, wanted: bool) -> bool:
+    """Return True when mixed precision is `wanted` and the device has instructions for it."""
+    return wanted and (torch.device(device).type != "cpu" or has_bfloat16())
 
 
 def has_bfloat16() -> bool:

@@ -100,6 +100,8 @@ class Params(Optimisation):
     is not visible in a crop; 0 for the paper's losses"""
     checkpointing: bool = False
     """vlm: compute the activations of the language model again in the backward pass: less memory, more time"""
+    frozen_dtype: str = "float32"
+    """vlm: type of the weights that are not trained: float32, bfloat16 or float16; trained ones are float32"""
 
 
 VLM = Params(variant="vlm", height_px=1024, width_px=1024, steps=5000, batch=2, accumulate=10, lr=3e-4, warmup=100,
@@ -126,6 +128,7 @@ def run(dataset: FileTree, params: Params, ctx: Context, recipe: Recipe | None =
 
 def _job(p: Params, recipe: Recipe | None = None) -> TwoHandsJob:
     """Build the training job from the parameters, with those of a recipe replaced."""
+    from afford.models.loading import DTYPES
     from afford.training.params import plan_of
     from afford.twohands.model.interface import LIGHT, ModelConfig
     from afford.twohands.model.losses import LossParams
@@ -143,6 +146,9 @@ def _job(p: Params, recipe: Recipe | None = None) -> TwoHandsJob:
     if recipe is not None:
         p = replace(p, variant=recipe.variant, hypotheses=recipe.hypotheses, text=recipe.text, decoders=recipe.decoders,
                     target=recipe.target, seed=recipe.seed, steps=min(recipe.steps or p.steps, p.steps))
+    allowed = tuple(DTYPES) if p.variant == "vlm" else ("float32",)
+    if p.frozen_dtype not in allowed:
+        raise ValueError(f"model_train.frozen_dtype: expected {', '.join(allowed)} for variant {p.variant}, got {p.frozen_dtype!r}")
     light = p.variant in LIGHT
     return TwoHandsJob(
         config=ModelConfig(variant=p.variant, hypotheses=p.hypotheses, text=p.text, decoders=p.decoders, backbones=p.backbones,
@@ -157,7 +163,7 @@ def _job(p: Params, recipe: Recipe | None = None) -> TwoHandsJob:
                     colour_share=p.colour_share),
         coarse_share=p.coarse_share if light else 0.0,
         batch=p.batch, balance=p.balance, val_samples=p.val_samples, zoom=p.zoom, target=p.target, seed=p.seed,
-        checkpointing=p.checkpointing and p.variant == "vlm")  # fmt: skip
+        checkpointing=p.checkpointing and p.variant == "vlm", frozen_dtype=p.frozen_dtype)  # fmt: skip
 
 
 def _parallel(p: Params, light: bool) -> int:

@@ -17,7 +17,6 @@ from afford.models.importing import Imported, write
 from afford.models.importing.source import open_source
 from afford.models.importing.write import check_fit, damaged, write_model
 from afford.models.tokens import FileTokens
-from afford.twohands.model import large
 from afford.twohands.model.interface import Batch, ModelConfig, TwoHands, build
 from afford.twohands.model.model_folder import find_model, load_model
 from afford.twohands.model.predictor import Predictor
@@ -127,18 +126,6 @@ def test_shards_are_one_model(checkpoint: Path, tmp_path: Path, monkeypatch: pyt
     next(parts.glob("model-*.safetensors")).unlink()
     with pytest.raises(ValueError, match="files are missing"):
         load_model(parts)
-
-
-def test_memory_is_checked_before_loading(checkpoint: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Another type than that of the files takes memory of its own; mapped weights take none."""
-    folder = bring(checkpoint, tmp_path / "model", torch.bfloat16)
-    assert (large.free_bytes("cpu") or 1) > 0
-    monkeypatch.setattr(large, "free_bytes", lambda device: 1000)
-    assert load_model(folder).config.variant == "vlm"
-    with pytest.raises(ValueError, match=r"it needs \d\.\d GiB on cpu in float32, and 0\.0 GiB are free; leave --dtype out"):
-        load_model(folder, "float32")
-    with pytest.raises(ValueError, match=r"on cuda in the type of its files, .*; use --dtype bfloat16, or --device cpu"):
-        load_model(folder, device="cuda")
 
 
 def test_one_bad_tensor_is_named(checkpoint: Path, tmp_path: Path) -> None:

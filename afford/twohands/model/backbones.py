@@ -17,6 +17,7 @@ from torch import Tensor, nn
 from transformers import SamConfig
 from transformers.models.sam.modeling_sam import SamFeedForward, SamMaskDecoder
 
+from afford.models.tensor_files import map_safetensors
 from afford.models.tokens import HashedTokens, Tokens, read_tokens
 
 TOKENS = 4
@@ -113,8 +114,8 @@ def tiny_sam(size_px: int, width: int, heads: int) -> SamConfig:
 TINY_VOCABULARY = 2048
 
 
-def backbone(kind: Any, folder: str, name: str, tiny: Callable[[], Any], *, pretrained: bool) -> Any:
-    """Build a model of a `transformers` class `kind`, in float32.
+def backbone(kind: Any, folder: str, name: str, tiny: Callable[[], Any], *, pretrained: bool, as_stored: bool = False) -> Any:
+    """Build a model of a `transformers` class `kind`, in float32, or with `as_stored` in the type of its files, if it is one.
 
     With `pretrained` the weights come from folder/name; otherwise only the architecture does, and weights are random. The config of
     `tiny()` is used when `folder` is ''. ValueError names what cannot be read.
@@ -128,13 +129,21 @@ def backbone(kind: Any, folder: str, name: str, tiny: Callable[[], Any], *, pret
         return kind(kind.config_class.from_pretrained(place)).float()
     try:
         model, report = kind.from_pretrained(
-            place, output_loading_info=True, local_files_only=True, use_safetensors=True, dtype=torch.float32)  # fmt: skip
+            place, output_loading_info=True, local_files_only=True, use_safetensors=True,
+            dtype=stored_dtype(place) if as_stored else torch.float32)  # fmt: skip
     except OSError as error:
         raise ValueError(f"{place}: expected the weights of a {kind.__name__}; {str(error).splitlines()[0]}") from error
     wrong = sorted(report["missing_keys"]) + sorted(str(key) for key in report["mismatched_keys"])
     if wrong:
         raise ValueError(f"{place}: the weights of {kind.__name__} lack or misshape {', '.join(wrong[:20])}")
     return model
+
+
+def stored_dtype(place: Path) -> torch.dtype:
+    """Type of the weights in the files of a folder; float32 where there are several."""
+    found = {tensor.dtype for file in place.glob("*.safetensors") for tensor in map_safetensors(file).values()
+             if tensor.is_floating_point()}  # fmt: skip
+    return found.pop() if len(found) == 1 else torch.float32
 
 
 def tokens_of(folder: str, name: str) -> Tokens:

@@ -157,13 +157,15 @@ VARIANTS = {
 """name -> function that assembles the model"""
 
 
-def build(config: ModelConfig, seed: int, *, pretrained: bool = True) -> TwoHands:
+def build(config: ModelConfig, seed: int, *, pretrained: bool = True, as_stored: bool = False) -> TwoHands:
     """Build a model whose random weights depend on `seed` alone; the caller's random state is restored.
 
     With `pretrained=False` only the architecture of config.backbones is used. Under `torch.device("meta")` a model has shapes, but
-    no weights. ValueError when config.backbones cannot be read.
+    no weights. With `as_stored` a `vlm` has its backbones in the type of their files. ValueError when config.backbones cannot be
+    read.
     """
+    more = {"as_stored": True} if as_stored else {}
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
-        model: TwoHands = load(VARIANTS, config.variant)(config, pretrained)
+        model: TwoHands = load(VARIANTS, config.variant)(config, pretrained, **more)
     return model

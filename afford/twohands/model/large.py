@@ -6,7 +6,8 @@ and reads them again as layer follows layer.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 
 import torch
@@ -16,17 +17,38 @@ from torch import Tensor, nn
 from afford.models.importing.source import INDEX, shards
 from afford.models.loading import WEIGHTS, dtype_of, fill_weights
 from afford.models.tensor_files import map_safetensors
+from afford.twohands.model.frozen_weights import cast_as_computed
 from afford.twohands.model.interface import ModelConfig, TwoHands, build
+from afford.twohands.model.memory_plan import MemoryPlan, check_room, is_large, plan_prediction
+from afford.twohands.model.vlm import Vlm
 
-ROOM = 1.1
-"""memory of a model and of its answer, as a share of that of its weights"""
+HALF = ("bfloat16", "float16")
 
 
-def load_large(folder: Path, config: ModelConfig, dtype: str, device: str = "cpu") -> TwoHands:
-    """Load a model from its folder (`model_folder.load_model`), on the CPU, to be moved to `device`.
+def load_large(folder: Path, config: ModelConfig, dtype: str, device: str = "cpu", pictures: int = 1) -> TwoHands:
+    """Load a model from its folder (`model_folder.load_model`), on the CPU, to be moved to `device` for batches of `pictures`.
 
     ValueError names the file or the tensor, or says how much memory is missing, before anything is loaded.
     """
+    model, weights = _described(folder, config)
+    if is_large(model):
+        planned = plan_weights(model, weights, dtype, device, pictures)
+        check_room(planned, device, str(folder), _remedies(model, weights, dtype, device, pictures))
+    if dtype:
+        wanted = dtype_of(dtype)
+        weights = {name: tensor.to(wanted) if tensor.is_floating_point() else tensor for name, tensor in weights.items()}
+    fill_weights(model, weights, str(folder), "it is the file of another model", mapped=True)
+    compute_buffers(model)
+    return model.eval()
+
+
+def plan_folder(folder: Path, config: ModelConfig, dtype: str, device: str, pictures: int) -> MemoryPlan:
+    """Plan predictions of `load_large` with the same arguments; nothing is loaded."""
+    return plan_weights(*_described(folder, config), dtype, device, pictures)
+
+
+def _described(folder: Path, config: ModelConfig) -> tuple[Vlm, dict[str, Tensor]]:
+    """A model on the device meta, and its weights, mapped."""
     files = shards(folder / INDEX) if (folder / INDEX).is_file() else [folder / WEIGHTS]
     weights: dict[str, Tensor] = {}
     for file in files:
@@ -34,40 +56,34 @@ def load_large(folder: Path, config: ModelConfig, dtype: str, device: str = "cpu
             weights |= map_safetensors(file)
         except (OSError, ValueError, SafetensorError) as error:
             raise ValueError(f"{file}: expected the weights of a model as safetensors; {error}") from error
-    check_room(weights, dtype, device, str(folder))
-    if dtype:
-        wanted = dtype_of(dtype)
-        weights = {name: tensor.to(wanted) if tensor.is_floating_point() else tensor for name, tensor in weights.items()}
     with torch.device("meta"):
         model = build(config, seed=0, pretrained=False)
-    fill_weights(model, weights, str(folder), "it is the file of another model", mapped=True)
-    compute_buffers(model)
-    return model.eval()
+    assert isinstance(model, Vlm)
+    if len({tensor.dtype for tensor in weights.values()}) > 1:
+        cast_as_computed(model)
+    return model, weights
 
 
-def check_room(weights: Mapping[str, Tensor], dtype: str, device: str, where: str) -> None:
-    """Raise ValueError when a model needs more memory than the device has free; mapped weights on a CPU need none."""
+def _remedies(model: Vlm, weights: Mapping[str, Tensor], dtype: str, device: str,
+              pictures: int) -> list[tuple[str, Callable[[], MemoryPlan]]]:  # fmt: skip
+    """Ways to answer with less memory, and their plans."""
+    files = "leave --dtype out" + (": the weights stay in their files" if torch.device(device).type == "cpu" else "")
+    smaller = [(files, "", device, pictures)] if dtype else []
+    smaller += [] if dtype in HALF else [("use --dtype bfloat16", "bfloat16", device, pictures)]
+    smaller += [("use --batch 1", dtype, device, 1)] if pictures > 1 else []
+    smaller += [("use --dtype bfloat16 and --batch 1", "bfloat16", device, 1)] if pictures > 1 and dtype not in HALF else []
+    return [(words, partial(plan_weights, model, weights, *setting)) for words, *setting in smaller]
+
+
+def plan_weights(model: Vlm, weights: Mapping[str, Tensor], dtype: str, device: str, pictures: int) -> MemoryPlan:
+    """Plan for weights used in `dtype`, '' as they are stored; on a CPU, weights of the stored type stay in their files."""
     wanted = dtype_of(dtype) if dtype else None
-    kept = {name: wanted if wanted and tensor.is_floating_point() else tensor.dtype for name, tensor in weights.items()}
+    for name, parameter in model.named_parameters():
+        if name in weights:
+            parameter.data = parameter.data.to(wanted or weights[name].dtype)
     on_cpu = torch.device(device).type == "cpu"
-    own = [name for name in weights if not on_cpu or kept[name] != weights[name].dtype]
-    needed, free = ROOM * sum(weights[name].numel() * kept[name].itemsize for name in own), free_bytes(device)
-    if free is None or needed <= free:
-        return
-    smaller = "leave --dtype out: the weights stay in their files" if on_cpu else "use --dtype bfloat16, or --device cpu"
-    raise ValueError(f"{where}: it needs {needed / 2**30:.1f} GiB on {device} in {dtype or 'the type of its files'}, and "
-                     f"{free / 2**30:.1f} GiB are free; {smaller}")  # fmt: skip
-
-
-def free_bytes(device: str) -> int | None:
-    """Free memory of a device: of a GPU, or of this machine without what it can drop; None where the system does not say."""
-    if torch.device(device).type == "cuda":
-        return int(torch.cuda.mem_get_info(device)[0])
-    try:
-        lines = Path("/proc/meminfo").read_text().splitlines()
-    except OSError:
-        return None
-    return next((int(line.split()[1]) * 1024 for line in lines if line.startswith("MemAvailable:")), None)
+    mapped = {name for name, tensor in weights.items() if on_cpu and wanted in (None, tensor.dtype)}
+    return plan_prediction(model, device, pictures, frozenset(mapped))
 
 
 def compute_buffers(model: nn.Module) -> None:

@@ -47,19 +47,19 @@ def locate_files(folder: Path) -> Path:
     return folder if (folder / CONFIG).is_file() or not (folder / INSIDE / CONFIG).is_file() else folder / INSIDE
 
 
-def load_model(folder: Path, dtype: str = "", device: str = "cpu") -> TwoHands:
+def load_model(folder: Path, dtype: str = "", device: str = "cpu", pictures: int = 1) -> TwoHands:
     """Load a model from a folder of `save_model`, of a published training or of `weights import`, on the CPU, to evaluate it.
 
     dtype: one of `loading.DTYPES`; '' for single precision, and for `vlm` as it is stored. A `vlm` in the type in which it is
-    stored is memory-mapped, and refused where `device`, to which it will be moved, has too little memory. ValueError names the
-    file, field or tensor that does not fit.
+    stored is memory-mapped, and refused where `device`, to which it will be moved, has too little memory for batches of `pictures`
+    (`memory_plan`). ValueError names the file, field or tensor that does not fit.
     """
     folder = locate_files(folder)
     config = read_config(folder)
     if config.variant == "vlm":
         from afford.twohands.model.large import load_large
 
-        return load_large(folder, config, dtype, device)
+        return load_large(folder, config, dtype, device, pictures)
     try:
         weights = load_file(folder / WEIGHTS)
     except (OSError, SafetensorError) as error:

@@ -62,15 +62,16 @@ class Predictor:
     >>> found.mask("left"), found.mask("right")
     """
 
-    def __init__(self, model: str | Path | TwoHands, device: str = "cpu", mirror: bool = True, dtype: str = "") -> None:
+    def __init__(self, model: str | Path | TwoHands, device: str = "cpu", mirror: bool = True, dtype: str = "",
+                 pictures: int = 1) -> None:  # fmt: skip
         """Load a model, or take one that is in memory.
 
         `model` is a model, or a folder that `save_model` wrote or a training published. With `mirror`, every prediction is the mean
         over the picture and its mirror image, which takes twice the time; not for `vlm`, which answers one picture. A folder with a
         vocabulary reads unknown words of tasks as known ones (`stand_ins.read_task`). `dtype` is the number type of a folder's
-        weights (`load_model`).
+        weights, and `pictures` the largest batch, for which there must be memory (`load_model`).
         """
-        loaded = model if isinstance(model, TwoHands) else load_model(Path(model), dtype, device)
+        loaded = model if isinstance(model, TwoHands) else load_model(Path(model), dtype, device, pictures)
         self.model, self.device = loaded.to(device).eval(), device
         self.mirror = mirror and loaded.config.variant != "vlm"
         self.words = None if isinstance(model, TwoHands) else read_vocabulary(locate_files(Path(model)))

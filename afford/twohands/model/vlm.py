@@ -215,7 +215,7 @@ class Vlm(TwoHands):
 
     def _pixels(self, image: Tensor) -> Tensor:
         """Images (b, 3, H, W) 0..1 as the image tower takes them."""
-        pixels: Tensor = for_tower(image, self.vlm.config.vision_config.image_size).to(self.vlm.dtype)
+        pixels: Tensor = for_tower(image, self.vlm.config.vision_config.image_size).to(self.vlm.model.vision_tower.dtype)
         return pixels
 
     def _text_loss(self, hidden: Tensor, labels: Tensor) -> Tensor:
@@ -246,12 +246,13 @@ def tiny_llava(size_px: int, width: int, heads: int) -> LlavaConfig:
     return LlavaConfig(text_config=text, vision_config=vision, image_token_index=HashedTokens.SPECIAL[IMAGE])
 
 
-def assemble(config: ModelConfig, pretrained: bool) -> Vlm:
-    """Build a `Vlm` over config.backbones, or a tiny random one."""
+def assemble(config: ModelConfig, pretrained: bool, as_stored: bool = False) -> Vlm:
+    """Build a `Vlm` over config.backbones, or a tiny random one; with `as_stored`, backbones are in the type of their files."""
     size, width = config.size_px[0], config.widths[2]
     vlm = backbone(LlavaForConditionalGeneration, config.backbones, "vlm", lambda: tiny_llava(size, width, config.heads),
-                   pretrained=pretrained)  # fmt: skip
-    sam = backbone(SamModel, config.backbones, "sam", lambda: tiny_sam(size, width, config.heads), pretrained=pretrained)
+                   pretrained=pretrained, as_stored=as_stored)  # fmt: skip
+    sam = backbone(SamModel, config.backbones, "sam", lambda: tiny_sam(size, width, config.heads), pretrained=pretrained,
+                   as_stored=as_stored)  # fmt: skip
     check_size(config.size_px, sam.config)
     tokens = tokens_of(config.backbones, "vlm")
     if tokens.id(IMAGE) != vlm.config.image_token_id:

@@ -12,13 +12,16 @@ from typing import Any
 
 from torch import nn
 
+from afford.common.registry import load
 from afford.dataset.load import Item
+from afford.models.loading import dtype_of
 from afford.training.curves import scores_at_best, scores_table
 from afford.training.job import Dataset
 from afford.training.params import Plan
 from afford.training.sampler import BalancedSampler
 from afford.training.state import TrainingState
 from afford.twohands.model.calibration import calibrated
+from afford.twohands.model.frozen_weights import store_frozen
 from afford.twohands.model.interface import ModelConfig, TwoHands, build
 from afford.twohands.model.losses import LossParams
 from afford.twohands.model.model_folder import save_model, vocabulary_of, write_vocabulary
@@ -30,6 +33,9 @@ from afford.twohands.train.task import Batches, InputSize, TwoHandsTask, validat
 from schemas.affordance import TAXONOMY
 from schemas.training import TrainingLog
 
+FULL = "float32"
+CHECKED = {"vlm": "afford.twohands.train.memory_plan:check_training"}
+"""variant -> check of the memory of a training"""
 ENCODER = """
 
 Its image encoder is EfficientNet-Lite0 with the weights that ML Illustrated published (Apache-2.0), trained on the photographs of
@@ -142,6 +148,8 @@ class TwoHandsJob:
     seed: int
     checkpointing: bool = False
     """vlm: compute activations again in the backward pass"""
+    frozen_dtype: str = FULL
+    """vlm: type in which weights that are not trained are kept"""
 
     def prepare(self, data: Mapping[str, Path], scratch: Path) -> None:
         """List the samples of both splits; they are decoded when they are needed. ValueError for a split without samples."""
@@ -155,11 +163,15 @@ class TwoHandsJob:
     def task(self, scratch: Path, processes: int) -> TwoHandsTask:
         """Build a new model with its training and validation batches."""
         samples, input_size = open_samples(scratch / "train"), InputSize(self.config.size_px)
+        if self.config.variant in CHECKED:
+            load(CHECKED, self.config.variant)(self, len(samples), len(open_samples(scratch / "val")))
         sampler = BalancedSampler(list(label_rows(samples, "verb", "taxonomy")), self.balance, self.seed)
         coarse = round(self.coarse_share * self.plan.steps) * self.plan.accumulate * processes
         batches = Batches(samples, sampler, self.views, input_size, self.batch, self.seed, coarse)
         validation = validation_batches(self.validation_samples(open_samples(scratch / "val")), input_size, self.batch)
-        model = build(self.config, self.seed)
+        model = build(self.config, self.seed, as_stored=self.frozen_dtype != FULL)
+        if self.frozen_dtype != FULL:
+            store_frozen(model, dtype_of(self.frozen_dtype))
         if self.checkpointing:
             model.get_submodule("vlm").gradient_checkpointing_enable({"use_reentrant": False})  # type: ignore[operator]
         return TwoHandsTask(model, batches, validation, self.loss, self.target, self.plan.device)
@@ -186,7 +198,10 @@ class TwoHandsJob:
         """Return the model card, Markdown."""
         source = TrainingData(dataset.name, dataset.digest, dataset.licence, describe_splits(scratch))
         count = sum(parameter.numel() for parameter in model.parameters())
-        return card_text(name, source, dataclasses.asdict(self), _own(model).config.threshold, count, curves)
+        fields = dataclasses.asdict(self)
+        if self.frozen_dtype == FULL:
+            del fields["frozen_dtype"]  # cards of most models keep the bytes that they had before this field
+        return card_text(name, source, fields, _own(model).config.threshold, count, curves)
 
     def to_json(self) -> str:
         """Return the job as JSON."""

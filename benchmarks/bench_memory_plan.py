@@ -1,0 +1,224 @@
+"""Compare planned with measured memory of large two-hand models; writes benchmarks/memory_plan.md.
+
+    PYTHONPATH=. python benchmarks/bench_memory_plan.py [--scratch DIR]
+
+A random model of 306 M parameters is run on a CPU, each time in a process of its own. Measured is the largest sum of its anonymous
+memory and of the mapped pages of the model's files, which also hold frozen weights in training. Models of published size are
+planned only, beside the figures of benchmarks/gpu.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import torch
+from transformers import CLIPVisionConfig, LlamaConfig, LlavaConfig, LlavaForConditionalGeneration, SamConfig, SamModel
+
+from afford.common.files import tree
+from afford.models.meta_memory import model_tensors, peak_bytes, recomputed, tensor_bytes
+from afford.models.tokens import HashedTokens
+from afford.twohands.model.interface import Batch, ModelConfig, Target, build
+from afford.twohands.model.large import plan_folder
+from afford.twohands.model.losses import LossParams, losses
+from afford.twohands.model.memory_plan import GIB, LIBRARIES, MemoryPlan, plan_prediction, trained_bytes
+from afford.twohands.model.model_folder import read_config, save_model
+from afford.twohands.model.predictor import Predictor
+from afford.twohands.train.memory_plan import plan_training
+from benchmarks.bench_gpu import FIGURES
+from benchmarks.bench_weights_import import anonymous_mib
+from benchmarks.pages import ROOT
+from stages.extraction import dataset_pack
+from stages.twohands import model_train
+from tests.helpers.large_models import write_backbones
+from tests.helpers.made_samples import Scratch, clip
+
+PAGE = ROOT / "benchmarks" / "memory_plan.md"
+SIDE, WORDS = 512, 8003
+SAMPLES = {"train": 4, "val": 1}
+TYPES = ("float32", "bfloat16")
+KINDS = {"train": True}
+"""kind of a training -> gradient checkpointing"""
+
+
+def write_small(folder: Path, dtype: torch.dtype) -> Path:
+    """Write random backbones of a two-hand model of 306 M parameters in a type."""
+    torch.manual_seed(0)
+    text = LlamaConfig(hidden_size=1024, intermediate_size=2816, num_hidden_layers=8, num_attention_heads=16,
+                       num_key_value_heads=16, vocab_size=WORDS)  # fmt: skip
+    vision = CLIPVisionConfig(hidden_size=768, intermediate_size=3072, num_hidden_layers=12, num_attention_heads=12,
+                              image_size=224, patch_size=14, projection_dim=512)  # fmt: skip
+    llava = LlavaConfig(text_config=text, vision_config=vision, image_token_index=3)
+    LlavaForConditionalGeneration(llava).to(dtype).save_pretrained(folder / "vlm")
+    encoder = {"hidden_size": 768, "num_hidden_layers": 12, "num_attention_heads": 12, "global_attn_indexes": [2, 5, 8, 11],
+               "image_size": SIDE}  # fmt: skip
+    sam = SamConfig(vision_config=encoder, prompt_encoder_config={"image_size": SIDE, "image_embedding_size": SIDE // 16})
+    SamModel(sam).to(dtype).save_pretrained(folder / "sam")
+    (folder / "vlm" / "tokenizer.json").write_text(HashedTokens(WORDS).to_json())
+    config = ModelConfig(variant="vlm", size_px=(SIDE, SIDE), hypotheses=1, backbones=str(folder))
+    save_model(build(config, 0).to(dtype), folder / "model")
+    return folder
+
+
+def settings(folder: Path, dtype: str, checkpointing: bool) -> model_train.Params:
+    """Parameters of a training of two steps, with a validation after each."""
+    return replace(model_train.VLM, backbones=str(folder), height_px=SIDE, width_px=SIDE, steps=2, warmup=1, accumulate=1,
+                   validate_every=1, val_samples=SAMPLES["val"], frozen_dtype=dtype, checkpointing=checkpointing)  # fmt: skip
+
+
+def run(kind: str, scratch: Path, dtype: str) -> None:
+    """Body of a measured process."""
+    torch.set_num_threads(1)
+    folder = scratch / dtype
+    if kind == "libraries":
+        tiny = build(ModelConfig(variant="vlm", size_px=(64, 64), hypotheses=1), 0)
+        Predictor(tiny).predict(np.zeros((64, 64, 3), np.uint8), "pour tea")
+    elif kind == "predict":
+        Predictor(folder / "model").predict(np.zeros((SIDE, SIDE, 3), np.uint8), "pour tea from the kettle")
+    else:
+        from afford.training.train import train_job
+
+        (scratch / "run").mkdir()
+        job = model_train._job(settings(folder, dtype, KINDS[kind]))  # the stage's own job
+        train_job(job, tree("set", scratch / "set"), "vlm", Scratch(scratch / "run"), 1)
+
+
+def measured(kind: str, scratch: Path, dtype: str) -> float:
+    """Largest sum of the anonymous memory of a process and of the mapped pages of its model, in GiB."""
+    command = [sys.executable, __file__, "--scratch", str(scratch), "--run", kind, "--dtype", dtype]
+    most = mapped = looked = 0.0
+    with subprocess.Popen(command) as process:
+        while process.poll() is None:
+            if time.monotonic() - looked > 0.2:
+                mapped, looked = mapped_gib(process.pid), time.monotonic()
+            most = max(most, anonymous_mib(process.pid) / 1024 + mapped)
+            time.sleep(0.02)
+    if process.returncode:
+        raise SystemExit(f"{' '.join(command)}: exit code {process.returncode}")
+    return most
+
+
+def mapped_gib(process: int) -> float:
+    """Memory of the pages of mapped files of tensors of a process; pages that it has written to are anonymous."""
+    try:
+        text = Path(f"/proc/{process}/smaps").read_text()
+    except OSError:
+        return 0.0
+    blocks = re.findall(r"\.safetensors\n((?:\w+: .*\n)+)", text)
+    parts = [dict(re.findall(r"^(Rss|Anonymous): +(\d+) kB", block, re.M)) for block in blocks]
+    return sum(int(part["Rss"]) - int(part["Anonymous"]) for part in parts) / (1 << 20)
+
+
+def small_rows(scratch: Path) -> list[str]:
+    """Rows of the random model: planned, measured, ratio."""
+    clips = tuple(clip(f"P01_0{n}", count, split=split, height=SIDE, width=SIDE)
+                  for n, (split, count) in enumerate(SAMPLES.items()))  # fmt: skip
+    (scratch / "packed").mkdir()
+    packed = dataset_pack.run(clips, dataset_pack.Params(sheet_samples=1), Scratch(scratch / "packed"))
+    for file in packed.files:
+        (scratch / "set" / file.name).parent.mkdir(parents=True, exist_ok=True)
+        (scratch / "set" / file.name).write_bytes(file.path.read_bytes())
+    rows = [f"| libraries | | {LIBRARIES / GIB:.2f} | {(found := measured('libraries', scratch, '')):.2f} "
+            f"| {LIBRARIES / GIB / found:.2f} |"]  # fmt: skip
+    for dtype in TYPES:
+        folder = write_small(scratch / dtype, getattr(torch, dtype))
+        config = read_config(folder / "model")
+        plans = {"predict": plan_folder(folder / "model", config, "", "cpu", 1)}
+        for kind, checkpointing in KINDS.items():
+            job = model_train._job(settings(folder, dtype, checkpointing))
+            plans[kind] = plan_training(job, SAMPLES["train"], SAMPLES["val"])
+        for kind, plan in plans.items():
+            found = measured(kind, scratch, dtype)
+            rows.append(f"| {kind} | {dtype} | {plan.total / GIB:.2f} | {found:.2f} | {plan.total / GIB / found:.2f} |")
+            print(rows[-1], plan.parts(), flush=True)
+            for left in scratch.glob("run"):
+                subprocess.run(["rm", "-r", str(left)], check=True)
+    return rows
+
+
+def published_config(folder: Path, size: str) -> ModelConfig:
+    """Config of a model of published size."""
+    return ModelConfig(variant="vlm", size_px=(1024, 1024), hypotheses=1, backbones=str(write_backbones(folder / size, size)))
+
+
+def lora_step(config: ModelConfig) -> int:
+    """Bytes of the step that `bench_gpu.lora` measures: all of it in bfloat16."""
+    with torch.device("meta"):
+        model = build(config, 0, pretrained=False).to(torch.bfloat16).train()
+        image, masks = torch.empty(2, 3, 1024, 1024), torch.empty(2, 2, 1024, 1024)
+    model.get_submodule("vlm").gradient_checkpointing_enable({"use_reentrant": False, "context_fn": recomputed})
+    target = Target(masks, torch.ones(2, 2, dtype=torch.bool), torch.tensor([2, 1]))
+
+    def step() -> None:
+        losses(model(Batch(image, ("pour tea", "open the jar"))), target, LossParams())["total"].backward()
+
+    return tensor_bytes(model_tensors(model)) + 2 * trained_bytes(model) + peak_bytes(step, model_tensors(model))
+
+
+def published_rows(scratch: Path) -> list[str]:
+    """Rows of the published sizes: planned, and measured on a GPU where benchmarks/gpu.json has it."""
+    figures = {name: text for part in json.loads(FIGURES.read_text()).values() for name, text in part["figures"].items()}
+    rows = []
+    for size in ("7b", "13b"):
+        config = published_config(scratch, size)
+        with torch.device("meta"):
+            model = build(config, 0, pretrained=False).to(torch.bfloat16)
+        torch_alone = plan_prediction(model, "cuda").needed
+        key = f"{size.upper()} with SAM ViT-H, bfloat16: a picture, answer generated (32 tokens)"
+        rows.append(row(f"{size.upper()}: predict, bfloat16", torch_alone, figures.get(key, "")))
+    key = "7B: one LoRA step, 2 samples, bfloat16, checkpointed"
+    rows.append(row("7B: one LoRA step, all in bfloat16", lora_step(published_config(scratch, "7b")), figures.get(key, "")))
+    for size in ("7b", "13b"):
+        for dtype, batch in (("float32", 2), ("bfloat16", 2), ("bfloat16", 1)):
+            plan = published_training(published_config(scratch, size), dtype, batch)
+            rows.append(row(f"{size.upper()}: train, frozen weights in {dtype}, batch {batch}", plan.needed, ""))
+            print(rows[-1], plan.parts(), flush=True)
+    return rows
+
+
+def published_training(config: ModelConfig, dtype: str, batch: int) -> MemoryPlan:
+    """Plan of the paper's recipe on a GPU."""
+    params = replace(model_train.VLM, backbones=config.backbones, frozen_dtype=dtype, batch=batch, device="cuda")
+    return plan_training(model_train._job(params))
+
+
+def row(name: str, planned: int, figure: str) -> str:
+    """Row with the GiB in a figure of benchmarks/gpu.json, if there is one."""
+    found = re.search(r"([\d.]+) GiB", figure)
+    ratio = f"{planned / GIB / float(found[1]):.2f}" if found else ""
+    return f"| {name} | {planned / GIB:.1f} | {found[1] if found else ''} | {ratio} |"
+
+
+def main() -> None:
+    """Measure the random model, plan the published sizes, write the page."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--scratch", type=Path)
+    parser.add_argument("--run", help="kind of a measured process")
+    parser.add_argument("--dtype", default="")
+    args = parser.parse_args()
+    if args.run:
+        run(args.run, args.scratch, args.dtype)
+        return
+    with TemporaryDirectory(dir=args.scratch) as scratch:
+        small, published = small_rows(Path(scratch)), published_rows(Path(scratch))
+    PAGE.write_text("\n".join((
+        "# Memory of large two-hand models, planned and measured", "",
+        "Written by `benchmarks/bench_memory_plan.py`. What is counted: [checkpoints](../docs/checkpoints.md#memory).", "",
+        f"Random model of 306 M parameters at {SIDE} px on a CPU, each run in a process of its own: anonymous memory and the",
+        "mapped pages of the model's files; trainings with gradient checkpointing. GiB.", "",
+        "| run | type | planned | measured | planned / measured |", "|---|---|--:|--:|--:|", *small, "",
+        "Published sizes on a GPU, memory of torch alone (the context of CUDA takes about 0.6 GiB more), beside",
+        "[measured figures](gpu.md). Trainings are the paper's recipe with gradient checkpointing. GiB.", "",
+        "| run | planned | measured | planned / measured |", "|---|--:|--:|--:|", *published, "")))
+
+
+if __name__ == "__main__":
+    main()
