@@ -72,7 +72,7 @@ def _remedies(model: Vlm, weights: Mapping[str, Tensor], dtype: str, device: str
     smaller += [] if dtype in HALF else [("use --dtype bfloat16", "bfloat16", device, pictures)]
     smaller += [("use --batch 1", dtype, device, 1)] if pictures > 1 else []
     smaller += [("use --dtype bfloat16 and --batch 1", "bfloat16", device, 1)] if pictures > 1 and dtype not in HALF else []
-    return [(words, partial(plan_weights, model, weights, *setting)) for words, *setting in smaller]
+    return [(words, partial(plan_weights, model, weights, kind, where, count)) for words, kind, where, count in smaller]
 
 
 def plan_weights(model: Vlm, weights: Mapping[str, Tensor], dtype: str, device: str, pictures: int) -> MemoryPlan:
