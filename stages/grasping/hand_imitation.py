@@ -60,7 +60,7 @@ class Params:
     nudged: float = 0.5
     """share of episodes in which the hand is moved along the object on its way down"""
     reinforcing: int = 0
-    """updates of PPO; they have made the prior no better (docs/grasping/imitation.md)"""
+    """updates of PPO; they made the prior worse (docs/grasping/imitation.md)"""
     critic: int = 6
     """first updates of PPO, at most, in which only the critic learns"""
     settled: float = 0.5
