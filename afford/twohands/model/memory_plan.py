@@ -21,7 +21,7 @@ from afford.twohands.model.vlm import LONGEST_ANSWER, Dialogue, Vlm
 
 GIB = 1 << 30
 LIBRARIES, CONTEXT = 450 << 20, 600 << 20
-"""bytes of a process besides its model: anonymous memory of Python with its libraries (benchmarks/bench_memory_plan.py), and on a GPU the
+"""bytes of a process besides its model: anonymous memory of Python with its libraries, and on a GPU the
 context of CUDA with the workspace of its matrix products, an allowance that is not measured here"""
 LARGE = 50_000_000
 """parameters from which a model is planned before it is loaded; smaller ones fit wherever this project runs"""
