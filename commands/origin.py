@@ -26,6 +26,8 @@ NEEDED = {"motions": "motion of hands or a video of hands, see docs/grasping/mot
 """targets that need a source -> description of the source"""
 SEQUENCES = ("interactions", "sor3d", "sor3d-ablation")
 """targets that read or render RGB-D sequences"""
+MESHES = ("negative-affordance", "grasp")
+"""targets that read meshes if a source is given"""
 RENDERED = ("dataset", "recordings", "scenes", "extraction-report")
 """targets that use every rendered clip if no source is given"""
 PART = re.compile(r"_s\d+")
@@ -41,7 +43,7 @@ def origin(target: str, source: Path | None, settings: Settings, digest: Callabl
     """
     if target == ALL:
         return _everything(source, clips, settings, digest), None
-    if target == "negative-affordance" and source is not None:
+    if target in MESHES and source is not None:
         return _meshes(source, digest)
     if target == "motions":
         return _motions(source, settings, digest, clips)

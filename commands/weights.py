@@ -63,20 +63,21 @@ def resolve_weights(chosen: Settings, digest: Callable[[Path], str], target: str
 
 
 def _shipped(chosen: Settings, digest: Callable[[Path], str], target: str) -> dict[str, FileTree]:
-    """Shipped model of a target by the stage that trained it; none where parameters of its training were set."""
+    """Shipped models of a target by the stages that trained them; none where parameters of its training were set."""
     from afford.models.shipped import PARTS, TEACHER, shipped_files
 
-    served = {"negative-affordance": (PARTS, ("scorer_train",)), "grasp-play": (TEACHER, ("rl_grasp_refinement", "hand_imitation"))}
-    if target not in served:
-        return {}
-    name, stages = served[target]
-    if any(chosen.params(stage) != type(chosen.params(stage))() for stage in stages):
-        return {}
-    try:
-        files = shipped_files(name, digest)
-    except ValueError as error:
-        raise UsageError(str(error)) from error
-    return {} if files is None else {f"shipped_{stages[0]}": files}
+    scorer, teacher = (PARTS, ("scorer_train",)), (TEACHER, ("rl_grasp_refinement", "hand_imitation"))
+    served = {"negative-affordance": (scorer,), "grasp-play": (teacher,), "grasp": (scorer, teacher)}
+    found: dict[str, FileTree] = {}
+    for name, stages in served.get(target, ()):
+        if any(chosen.params(stage) != type(chosen.params(stage))() for stage in stages):
+            continue
+        try:
+            files = shipped_files(name, digest)
+        except ValueError as error:
+            raise UsageError(str(error)) from error
+        found |= {} if files is None else {f"shipped_{stages[0]}": files}
+    return found
 
 
 def reads_weights(params: Any) -> bool:

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from afford.grasping.evaluate.recipes import NO_NEGATIVE, POSITIVE, POSITIVE_TRUTH, ROWS, STUDENT, STUDENTS, TEACHER, planned_runs
 from afford.grasping.hand.assets import shadow_files
-from maps import extraction, surface, twohands
+from maps import bodies, extraction, surface, twohands
 from maps.common import parameters, record_run, recorded, reported, shipped, weights
 from maps.settings import Origin, Settings
 from maps.synthetic import stills_to_train, videos
@@ -354,7 +354,10 @@ def in_engine(p: Settings, engine: str) -> Settings:
 
 
 def grasp(g: Graph, origin: Origin, p: Settings) -> None:
-    """Prior, and a teacher with and without negative rewards, evaluated on all levels."""
+    """Prior, and a teacher with and without negative rewards, evaluated on all levels; of --source, grasps of its meshes."""
+    if origin.meshes:
+        grasp_meshes(g, origin, p)
+        return
     s, fast = setup(g, p), in_engine(p, p.grasping.grasp_report.engines[-1])
     report(g, "grasp", s, train_rows(g, s, planned_runs((TEACHER, NO_NEGATIVE), 1), {TEACHER: LEVELS}, p, fast), (), p)
 
@@ -382,11 +385,7 @@ def grasp_full(g: Graph, origin: Origin, p: Settings) -> None:
 
 def grasp_play(g: Graph, origin: Origin, p: Settings) -> None:
     """Grasps of built-in tools of new shapes by the shipped teacher, filmed and recorded; a teacher is trained where none is."""
-    policy, hand = shipped(g, p, "rl_grasp_refinement"), None
-    if policy is None:
-        made = setup(g, p)
-        policy, hand = g.pick(train_teacher(g, made, TEACHER, 0, p), lambda t: t.files), made.hand
-    hand = robot_hand(g, p) if hand is None else hand
+    hand, policy = usual_teacher(g, p)
     chosen = replace(p.synthetic.object_plan, splits=("seen",), categories=p.synthetic.object_plan.categories or SHOWN)
     tools = rigid_bodies(g, "shown", chosen, p)
     tasks = g.collect(object_tasks(g, "shown", tools, p.grasping.grasp_tasks))
@@ -397,6 +396,22 @@ def grasp_play(g: Graph, origin: Origin, p: Settings) -> None:
     shown = g.named("teacher_record").add(grasp_record.run, hand=hand, tasks=tasks, episodes=episodes,
                                           params=p.grasping.grasp_record, ctx=g.ctx)  # fmt: skip
     g.target("grasp-play", g.publish(shown, "recordings/{source}/grasps", as_="films"))
+
+
+def usual_teacher(g: Graph, p: Settings) -> tuple[HandModel, FileTree]:
+    """Robot hand, and the shipped teacher; a teacher is trained where none is shipped."""
+    policy = shipped(g, p, "rl_grasp_refinement")
+    if policy is not None:
+        return robot_hand(g, p), policy
+    made = setup(g, p)
+    return made.hand, g.pick(train_teacher(g, made, TEACHER, 0, p), lambda t: t.files)
+
+
+def grasp_meshes(g: Graph, origin: Origin, p: Settings) -> None:
+    """Grasps of the user's meshes by the shipped teacher as it is, in both engines."""
+    hand, policy = usual_teacher(g, p)
+    found = bodies.add_bodies(g, origin, hand, p)
+    bodies.report_bodies(g, "grasp", hand, found, bodies.evaluate_bodies(g, hand, found, policy, TEACHER, p), p)
 
 
 def report(g: Graph, target: str, s: Setup, results: Results, followed: Iterable[ClipsFollowed], p: Settings,

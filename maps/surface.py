@@ -10,7 +10,7 @@ from maps.common import parameters, record_run, recorded, reported, shipped, wei
 from maps.settings import Origin, Settings
 from runner import Graph
 from schemas.files import FileTree
-from schemas.mesh import MeshParts, ObjectMesh, ObjectSpec, ObjectViews
+from schemas.mesh import MeshParts, ObjectMesh, ObjectSpec, ObjectViews, ReadMesh
 from schemas.surface import NegativeAffordances, PartCandidates, PartDescriptions, PartLessons, PartScores
 from schemas.training import Trained
 from stages.recording import object_record, scorer_record
@@ -59,10 +59,14 @@ def add_views(g: Graph, of: str, spec: ObjectSpec, seen: view_render.Params, p: 
     return ObjectHandles(mesh, parts, views, masks, (views, masks))
 
 
-def add_meshes(g: Graph, origin: Origin, p: Settings) -> ObjectHandles:
-    """Add the user's meshes, with views and candidates, and with parts from label files."""
+def read_meshes(g: Graph, origin: Origin, p: Settings) -> ReadMesh:
+    """Read the user's meshes."""
     files   = g.each(g.leaf("meshes", origin.meshes))
-    read    = g.add(mesh_read.run,          files=files,               params=replace(p.surface.mesh_read, categories=tuple(PARTS)))
+    return g.add(mesh_read.run,             files=files,               params=replace(p.surface.mesh_read, categories=tuple(PARTS)))
+
+
+def add_meshes(g: Graph, read: ReadMesh, p: Settings) -> ObjectHandles:
+    """Add the user's meshes, with views and candidates, and with parts from label files."""
     mesh    = g.add(mesh_texture.run,       mesh=g.pick(read, lambda r: r.mesh),                     params=p.surface.mesh_texture)
     views   = g.named("object_views").add(view_render.run,  mesh=mesh,                               params=p.surface.view_render)
     masks   = g.named("object_masks").add(mask_propose.run, mesh=mesh, views=views,                  params=p.surface.mask_propose,
@@ -136,7 +140,7 @@ def score_objects(g: Graph, origin: Origin, scorer: FileTree, p: Settings) -> tu
     """Negative affordance of objects with a scorer: files of each, recordings, the report, and its recording."""
     known: dict[str, ObjectSpec] = {}
     if origin.meshes:
-        x = add_meshes(g, origin, p)
+        x = add_meshes(g, read_meshes(g, origin, p), p)
     else:
         plan = replace(p.synthetic.object_plan, splits=("seen", "unseen"))
         known["spec"], x = add_objects(g, "object", plan, p.surface.view_render, p)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from schemas.affordance import Affordances, FrameLabels, Sample, Samples
 from schemas.benchmark import Case, ClipScores, MethodScores, Prediction, Score, Sheet
+from schemas.bodies import BodyTasks
 from schemas.episodes import ClipsFollowed, GraspEpisodes, GraspExam, GraspJudgement, GraspTrace, TwoTasks, TwoTasksShown
 from schemas.files import FileRef, FileTree
 from schemas.grasp import GraspCandidates, GraspComparison, GraspObject, GraspObjects, GraspScene, GraspTask, HandCandidates
@@ -60,7 +61,7 @@ from schemas.training import Curve, Recipe, Trained, TrainingLog
 from schemas.video import Annotation, Clip, Footage, Frames, Inpainted, KeyFrame, Narration, Polygon
 
 SCHEMAS: tuple[type[Schema], ...] = (
-    ActionClip, Affordances, Annotation, Case, Clip, ClipScores, ClipTruth, ClipsFollowed, CompleteObjects, Curve,
+    ActionClip, Affordances, Annotation, BodyTasks, Case, Clip, ClipScores, ClipTruth, ClipsFollowed, CompleteObjects, Curve,
     DetectedHands, DistanceField, Entity, FileRef, FileTree, FlowScore, Footage, FrameLabels, Frames, GraspCandidates,
     GraspClips, GraspComparison, GraspEpisodes, GraspExam, GraspJudgement, GraspObject, GraspObjects, GraspScene,
     GraspTarget, GraspTask, GraspTrace, HandCandidates, HandFingers, HandJoints, HandLandmarks, HandLessons, HandMesh,

@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from stages.grasping import (
+    body_evaluate,
+    body_report,
+    body_tasks,
     clip_proof,
     grasp_evaluate,
     grasp_judge,
@@ -64,5 +67,8 @@ class Grasping:
     grasp_two_tasks: grasp_two_tasks.Params = grasp_two_tasks.Params()
     imitation_evaluate: imitation_evaluate.Params = imitation_evaluate.Params()
     grasp_judge: grasp_judge.Params = grasp_judge.Params()
+    body_tasks: body_tasks.Params = body_tasks.Params()
+    body_evaluate: body_evaluate.Params = body_evaluate.Params()
+    body_report: body_report.Params = body_report.Params()
     grasp_record: grasp_record.Params = grasp_record.Params()
     grasp_report: grasp_report.Params = grasp_report.Params()

@@ -14,6 +14,7 @@ from stages.surface import (
     negative_affordance_score,
     part_describe,
     part_lessons,
+    part_segment,
     positive_affordance_projection,
     scorer_train,
     view_render,
@@ -32,6 +33,7 @@ class Surface:
     scorer_train: scorer_train.Params = scorer_train.Params()
     part_describe: part_describe.Params = part_describe.Params()
     mask_score: mask_score.Params = mask_score.Params()
+    part_segment: part_segment.Params = part_segment.Params()
     negative_affordance_projection: negative_affordance_projection.Params = negative_affordance_projection.Params()
     positive_affordance_projection: positive_affordance_projection.Params = positive_affordance_projection.Params()
     negative_affordance_score: negative_affordance_score.Params = negative_affordance_score.Params()

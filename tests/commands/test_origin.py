@@ -16,7 +16,7 @@ from schemas.files import FileTree
 from stages.grasping import motion_read
 
 
-@pytest.mark.parametrize("target", ["grasp", "grasp-full"])
+@pytest.mark.parametrize("target", ["grasp-full", "grasp-play"])
 def test_grasping_reads_no_source(target: str, tmp_path: Path) -> None:
     """Its objects are built in: a folder would only name the run."""
     with pytest.raises(UsageError, match=f"--source .*{target} .*reads no source"):
@@ -30,7 +30,7 @@ def test_targets_do_not_overwrite_what_others_publish() -> None:
     assert len(set(OWN_ROOMS.values())) == len(OWN_ROOMS)
 
 
-@pytest.mark.parametrize("target", ["grasp", "grasp-full"])
+@pytest.mark.parametrize("target", ["grasp-full", "grasp-play"])
 def test_trainings_do_not_depend_on_the_name_of_the_run(target: str) -> None:
     """A training under another name is cached: no stage, parameter or leaf contains the name."""
     one, other = (build(target, Origin(name), Settings()).nodes for name in ("synthetic", target))

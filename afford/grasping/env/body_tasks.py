@@ -1,0 +1,151 @@
+"""Grasp tasks of a mesh of the user: checks, rigid body, the part to hold of each use, and the pose in which it is laid."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from afford.grasping.env.families import THIN_M, WIDE_M
+from afford.grasping.env.measures import SAFE_M
+from afford.grasping.env.rest_choice import laid, places_of, ranked_turns
+from afford.grasping.env.task import NEGATIVE_POINTS, spread_points
+from afford.grasping.env.task_rules import safe_points, with_predicted_negative
+from afford.grasping.sim.engine import make_world
+from afford.grasping.sim.grasp_object import grasp_object
+from afford.grasping.sim.rest_poses import placed_rest_pose
+from afford.grasping.sim.scene import Scene
+from schemas.bodies import BodyTasks
+from schemas.grasp import GraspObject, GraspTask
+from schemas.hand import HandModel
+from schemas.mesh import MeshParts, MeshReport, ObjectMesh
+from schemas.surface import NegativeAffordances, PartDescription, PartDescriptions
+
+NONE = np.zeros((0, 3))
+ANY_USE = "any use"
+LEAST_FILLED = 0.1
+"""faces of an open mesh that enclose less of its hulls enclose no volume, as a sheet"""
+
+
+@dataclass(frozen=True)
+class BodySettings:
+    """Settings of body_tasks."""
+
+    density_kg_m3: float
+    tolerance_m: float
+    hulls: int
+    hull_corners: int
+    points: int
+    seed: int
+    least_fit: float
+    most_kg: float
+    turns: int
+
+
+def body_tasks(hand: HandModel, mesh: ObjectMesh, parts: MeshParts, report: MeshReport, descriptions: PartDescriptions,
+               found: NegativeAffordances, settings: BodySettings) -> BodyTasks:  # fmt: skip
+    """Turn a mesh into the tasks that a hand can do with it; reasons for the other uses."""
+    try:
+        body = _body(mesh, parts, settings)
+    except ValueError as error:
+        return BodyTasks(mesh.name, (), (), (str(error),), assumptions(report))
+    tasks, refused = list[GraspTask](), list[str]()
+    for one in descriptions.descriptions:
+        try:
+            tasks.append(_laid_task(hand, with_predicted_negative(_task(body, one), found), settings))
+        except ValueError as error:
+            refused.append(str(error))
+    family = tuple(places_of(one)[0].family for one in tasks)
+    return BodyTasks(mesh.name, tuple(tasks), family, tuple(refused), assumptions(report))
+
+
+def assumptions(report: MeshReport) -> tuple[str, ...]:
+    """Sentences on what was assumed or repaired while a mesh was read."""
+    out = list[str]()
+    if report.unit != "m" and report.decided == "its size":
+        out.append(f"{report.name}: its numbers are taken for {report.unit}, the only unit in which it fits a hand; "
+                   f"if not, set mesh_read.unit")  # fmt: skip
+    if report.bodies > 1:
+        out.append(f"{report.name}: has {report.bodies} separate bodies, which are grasped as one rigid body")
+    simplified = sum(repair.count for repair in report.repairs if "simplifying" in repair.what)
+    if simplified:
+        out.append(f"{report.name}: {simplified} faces were taken out, to at most mesh_read.max_faces; the surface moved by "
+                   f"{1000 * report.deviation_m:.1f} mm at most")  # fmt: skip
+    return tuple(out)
+
+
+def check_extent(mesh: ObjectMesh) -> None:
+    """Raise ValueError for a mesh that is flat, or thinner than what a hand picks up from a table."""
+    spots = mesh.vertices[np.unique(mesh.faces)].astype(np.float64) if len(mesh.faces) else NONE
+    if len(spots) < 4:
+        raise ValueError(f"{mesh.name}: expected a body, got {len(spots)} points; give it a volume")
+    axes = np.linalg.svd(spots - spots.mean(0), full_matrices=False)[2]
+    thin = float(np.ptp((spots - spots.mean(0)) @ axes[2]))
+    if thin < THIN_M:
+        raise ValueError(f"{mesh.name}: expected a body of {1000 * THIN_M:.0f} mm or more everywhere, got {1000 * thin:.1f} mm, "
+                         "which fingers cannot lift off a table; check its unit, or give it a thickness")  # fmt: skip
+
+
+def _body(mesh: ObjectMesh, parts: MeshParts, s: BodySettings) -> GraspObject:
+    """Build the rigid body. ValueError, one sentence, for a mesh that is none."""
+    check_extent(mesh)
+    body = grasp_object(mesh, parts, s.density_kg_m3, s.tolerance_m, s.hulls, s.hull_corners, s.points, s.seed)
+    body = _with_volume_of(mesh, body, s.density_kg_m3)
+    if body.mass_kg > s.most_kg:
+        raise ValueError(f"{mesh.name}: expected at most {s.most_kg:g} kg, got {body.mass_kg:.2f} kg at {s.density_kg_m3:g} kg/m3; "
+                         "set body_tasks.density_kg_m3, lower for a hollow thing, or body_tasks.most_kg")  # fmt: skip
+    return body
+
+
+def _with_volume_of(mesh: ObjectMesh, body: GraspObject, density_kg_m3: float) -> GraspObject:
+    """Give a body of an open mesh the mass of the volume that its faces enclose, where its hulls, which overfill it, have more.
+
+    A scan with small holes encloses nearly its volume. Centre of mass and the form of the inertia stay those of the hulls.
+    """
+    corner = mesh.vertices[mesh.faces].astype(np.float64) - mesh.vertices.mean(axis=0)
+    mass = density_kg_m3 * float(np.einsum("fi,fi->f", corner[:, 0], np.cross(corner[:, 1], corner[:, 2])).sum()) / 6
+    share = mass / body.mass_kg
+    if body.closed or not LEAST_FILLED < share < 1:
+        return body
+    return replace(body, mass_kg=mass, inertia_kgm2=share * body.inertia_kgm2)
+
+
+def _task(body: GraspObject, one: PartDescription) -> GraspTask:
+    """Create the task of a description: the largest positive part is held, else the largest that is not negative."""
+    count = dict(zip(body.parts, np.bincount(body.point_part, minlength=len(body.parts)).tolist(), strict=True))
+    roles = {note.part: note.role for note in one.notes}
+    negative = tuple(part for part in body.parts if roles.get(part) == "negative")
+    positive = [part for part in body.parts if roles.get(part) == "positive"]
+    others = positive or [part for part in body.parts if part not in negative]
+    use = one.task or ANY_USE
+    name = f"{body.name}/{use.replace(' ', '_')}"
+    if not others:
+        raise ValueError(f"{name}: every part that was found must not be touched ({', '.join(negative)}); label the parts of the "
+                         "mesh, docs/surface/mesh-format.md")  # fmt: skip
+    return GraspTask(name, "", one.task, body, negative, max(others, key=lambda part: count[part]), NONE, negative, NONE)
+
+
+def _laid_task(hand: HandModel, task: GraspTask, s: BodySettings) -> GraspTask:
+    """Lay the body of a task so that a hand can do it. ValueError, one sentence, where it cannot."""
+    for turn in ranked_turns(task)[: s.turns]:
+        one = laid(task, turn)
+        if places_of(one)[0].fit < s.least_fit:
+            break
+        if _rests(hand, one.body):
+            return replace(one, A_t=spread_points(safe_points(one.body, one.hold, one.N_t), NEGATIVE_POINTS))
+    where = f" {100 * SAFE_M:.0f} cm off what must not be touched" if len(task.N_t) else ""
+    raise ValueError(f"{task.name}: no stable pose has a place on the {task.hold.replace('_', ' ')}{where} that a hand can hold: "
+                     f"{100 * THIN_M:.1f} to {100 * WIDE_M:.0f} cm across, near the centre of mass")  # fmt: skip
+
+
+def _rests(hand: HandModel, body: GraspObject) -> bool:
+    """Test in MuJoCo whether a body stays as it is laid."""
+    scene = Scene(hand, body)
+    world = make_world("mujoco", scene)
+    try:
+        placed_rest_pose(world, scene)
+    except ValueError:
+        return False
+    finally:
+        world.close()
+    return True

@@ -1,0 +1,64 @@
+"""Grasping worlds in which the hand begins over a place that is chosen by grasp family (families.py)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from afford.grasping.env.config import GraspEnvConfig
+from afford.grasping.env.families import GraspPlace
+from afford.grasping.env.grasp_worlds import GraspWorlds
+from afford.grasping.env.gym_env import VectorEnv
+from afford.grasping.env.rest_choice import places_of
+from afford.grasping.env.task import from_grasp_task
+from afford.grasping.sim.scripted import Aim
+from schemas.grasp import GraspTask
+from schemas.hand import HandModel
+
+LYING = 0.5
+"""an axis lies when its horizontal part is longer than this"""
+
+
+class PlacedWorlds(GraspWorlds):
+    """n worlds whose hands begin over the best place of their tasks."""
+
+    def __init__(self, hand: HandModel, tasks: Sequence[GraspTask], config: GraspEnvConfig) -> None:
+        """Build the worlds. ValueError for a task without a place."""
+        self.places = [best_place(one) for one in tasks]
+        super().__init__(hand, [from_grasp_task(one) for one in tasks], config)
+
+    def _aim(self, k: int, pose: np.ndarray, rng: np.random.Generator) -> Aim:
+        return aim_at_place(self.places[k], pose, self.scenery.com[k])
+
+
+class PlacedVector(VectorEnv):
+    """Gymnasium environment of n such worlds; tasks are taken in turn."""
+
+    def __init__(self, num_envs: int, hand: HandModel, tasks: Sequence[GraspTask], config: GraspEnvConfig) -> None:
+        self.core = PlacedWorlds(hand, [tasks[k % len(tasks)] for k in range(num_envs)], config)
+        super().__init__(self.core, num_envs)
+
+
+def best_place(task: GraspTask) -> GraspPlace:
+    """Best place of a task. ValueError without one."""
+    places = places_of(task)
+    if not places:
+        raise ValueError(f"{task.name}: expected a part that a hand can hold, got none; body_tasks refuses such tasks")
+    return places[0]
+
+
+def aim_at_place(place: GraspPlace, pose: np.ndarray, com_m: np.ndarray) -> Aim:
+    """Aim at a place of an object at the pose (7,), whose centre of mass `com_m` (3,) is in its own frame.
+
+    The yaw is that of the gripped axis, towards the centre of mass. For an upright axis, the hand comes from the side of the
+    approach.
+    """
+    turn = Rotation.from_quat(pose[3:])
+    at, along, approach = turn.apply(place.at_m) + pose[:3], turn.apply(place.along), turn.apply(place.approach)
+    if np.linalg.norm(along[:2]) < LYING:
+        return Aim(at, float(np.arctan2(approach[0], -approach[1])))
+    towards = (turn.apply(com_m) + pose[:3] - at)[:2] @ along[:2]
+    x, y = along[:2] if towards >= 0 else -along[:2]
+    return Aim(at, float(np.arctan2(y, x)))

@@ -1,0 +1,121 @@
+"""Report of a policy on meshes of the user: a table row for each object, what was refused and why, and a flat dict of metrics."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from afford.common.files import empty_folder, tree, write_json
+from afford.common.statistics import wilson_interval
+from schemas.bodies import BodyTasks
+from schemas.episodes import GraspEpisodes
+from schemas.files import FileTree
+
+UNREAD = "could not be read, or its parts not be found; the failures of the run have the reason"
+HEAD = """# Grasps of your meshes
+
+Succ: share of episodes in which the object came within 5 cm of its goal, 20 cm above its place. Held: at the last step. AS:
+fingertips within 2 cm of a negative point at the last step, over successes. Negative parts are predicted, not known, so AS is
+judged by the prediction; only tasks with N_t have one. The shipped policy was trained on flat tools. It begins over the place of
+the grasp family and is free from there on: it does not know the families around a body, at a rim or through a loop.
+"""
+
+
+class BodyRow(NamedTuple):
+    """Results of one policy on one object in one engine."""
+
+    name: str
+    policy: str
+    engine: str
+    succ: float
+    held: float
+    as_pct: float
+    """over successes of tasks with N_t; NaN without any"""
+    with_negative: int
+    """tasks with N_t"""
+    tasks: int
+    episodes: int
+
+
+def write_report(name: str, meshes: Sequence[str], bodies: Sequence[BodyTasks], runs: Sequence[GraspEpisodes],
+                 scratch: Path) -> FileTree:  # fmt: skip
+    """Write report.md and metrics.json. ValueError without a mesh."""
+    if not meshes:
+        raise ValueError("body_report: expected one mesh or more, got none")
+    rows = [row for body in bodies for run in runs if (row := body_row(body, run)) is not None]
+    unread = [one for one in meshes if one not in {body.name for body in bodies}]
+    root = empty_folder(scratch / "report")
+    write_json(root / "metrics.json", metrics(rows, len(meshes), len(unread) + sum(not body.tasks for body in bodies)))
+    (root / "report.md").write_text("\n".join([HEAD, *_tables(rows), *_uses(bodies, runs), *_remarks(bodies, unread)]) + "\n",
+                                    encoding="utf-8")
+    return tree(name, root)
+
+
+def body_row(body: BodyTasks, run: GraspEpisodes) -> BodyRow | None:
+    """Results of the tasks of one body in a run; None where the run has none of them."""
+    chosen = np.isin(run.task, [task.name for task in body.tasks])
+    if not chosen.any():
+        return None
+    aware = np.isin(run.task, [task.name for task in body.tasks if len(task.N_t) and task.negative])
+    won = run.figure("success") > 0
+    judged = run.figure("as_violation_pct")[aware & won]
+    return BodyRow(body.name, run.policy, run.engine, float(won[chosen].mean()), float(run.figure("held")[chosen].mean()),
+                   float(judged.mean()) if len(judged) else float("nan"),
+                   sum(bool(len(task.N_t) and task.negative) for task in body.tasks), len(body.tasks), int(chosen.sum()))
+
+
+def metrics(rows: Sequence[BodyRow], meshes: int, refused: int) -> dict[str, float]:
+    """Return <policy>.<engine>.succ and the like: means over the objects that have a task."""
+    out: dict[str, float] = {"objects": float(meshes), "objects_refused": float(refused)}
+    for policy, engine in sorted({(row.policy, row.engine) for row in rows}):
+        mine = [row for row in rows if (row.policy, row.engine) == (policy, engine)]
+        judged = [row.as_pct for row in mine if np.isfinite(row.as_pct)]
+        out[f"{policy}.{engine}.succ"] = float(np.mean([row.succ for row in mine]))
+        out[f"{policy}.{engine}.held"] = float(np.mean([row.held for row in mine]))
+        out[f"{policy}.{engine}.tasks_with_negative"] = float(sum(row.with_negative for row in mine))
+        if judged:
+            out[f"{policy}.{engine}.as_violation_pct"] = float(np.mean(judged))
+    return out
+
+
+def _tables(rows: Sequence[BodyRow]) -> Iterator[str]:
+    yield "| object | policy | engine | Succ % | 95 %, from | to | held % | AS %, successes | tasks with N_t | tasks | episodes |"
+    yield "|---|---|---|--:|--:|--:|--:|--:|--:|--:|--:|"
+    for row in rows:
+        low, high = wilson_interval(round(row.succ * row.episodes), row.episodes)
+        AS = f"{row.as_pct:.1f}" if np.isfinite(row.as_pct) else "-"
+        yield (f"| {row.name} | {row.policy} | {row.engine} | {100 * row.succ:.1f} | {100 * low:.1f} | {100 * high:.1f} | "
+               f"{100 * row.held:.1f} | {AS} | {row.with_negative} | {row.tasks} | {row.episodes} |")
+    for policy, engine in sorted({(row.policy, row.engine) for row in rows}):
+        mine = [row for row in rows if (row.policy, row.engine) == (policy, engine)]
+        yield (f"| mean of {len(mine)} objects | {policy} | {engine} | {100 * np.mean([row.succ for row in mine]):.1f} | | | "
+               f"{100 * np.mean([row.held for row in mine]):.1f} | | | | {sum(row.episodes for row in mine)} |")
+
+
+def _uses(bodies: Sequence[BodyTasks], runs: Sequence[GraspEpisodes]) -> Iterator[str]:
+    """Yield a table with a row for each task."""
+    columns = [f"{run.policy}, {run.engine}" for run in runs]
+    unique = list(dict.fromkeys(columns))
+    head = f"| task | hold | must not be touched | N_t | family | {' | '.join(unique)} |"
+    yield from ("", "## Use by use", "", "Succ %.", "", head, f"|---|---|---|--:|---|{'--:|' * len(unique)}")
+    for body in bodies:
+        for task, family in zip(body.tasks, body.family, strict=True):
+            cells = [_share(task.name, [run for run, name in zip(runs, columns, strict=True) if name == one]) for one in unique]
+            yield (f"| {task.name} | {task.hold} | {', '.join(task.negative) or '-'} | {len(task.N_t)} | {family} | "
+                   f"{' | '.join(cells)} |")
+
+
+def _share(task: str, runs: Sequence[GraspEpisodes]) -> str:
+    found = np.concatenate([run.figure("success")[np.array(run.task) == task] for run in runs if run.task] or [np.zeros(0)])
+    return f"{100 * found.mean():.0f}" if len(found) else "-"
+
+
+def _remarks(bodies: Sequence[BodyTasks], unread: Sequence[str]) -> Iterator[str]:
+    refused = [*(f"{name}: {UNREAD}" for name in unread), *(line for body in bodies for line in body.refused)]
+    assumed = [line for body in bodies for line in body.notes]
+    for title, lines in (("Refused", refused), ("Assumed", assumed)):
+        if lines:
+            yield from ("", f"## {title}", "", *(f"- {line}" for line in lines))

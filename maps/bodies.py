@@ -1,0 +1,70 @@
+"""Graph of grasps of the user's meshes: parts and N_t -> rigid bodies and tasks -> a policy in both engines -> the report."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+from maps import surface
+from maps.common import record_run, reported, shipped
+from maps.settings import Origin, Settings
+from runner import Graph
+from schemas.bodies import BodyTasks
+from schemas.episodes import GraspEpisodes
+from schemas.files import FileTree
+from schemas.grasp import GraspTask
+from schemas.hand import HandModel
+from stages.grasping import body_episodes, body_evaluate, body_list, body_report, body_tasks
+from stages.recording import grasp_record
+from stages.surface import part_segment
+
+
+class Bodies(NamedTuple):
+    """Handles of the meshes of a source as bodies to grasp."""
+
+    names: tuple[FileTree, ...]
+    """of all meshes, without files"""
+    made: BodyTasks
+    """of each mesh that was read"""
+    tasks: tuple[GraspTask, ...]
+    """of each mesh that was read"""
+
+
+def add_bodies(g: Graph, origin: Origin, hand: HandModel, p: Settings) -> Bodies:
+    """Find the parts and N_t of the user's meshes, and turn them into bodies with tasks."""
+    scorer = shipped(g, p, "scorer_train")
+    read = surface.read_meshes(g, origin, p)
+    x = surface.add_meshes(g, read, p)
+    scorer = surface.train_scorer(g, p).files(g) if scorer is None else scorer
+    seen = surface.add_affordance(g, x, scorer, p)
+    parts = g.add(part_segment.run, mesh=x.mesh, parts=x.parts, views=x.views, candidates=x.candidates, descriptions=seen.notes,
+                  scores=seen.fit, params=p.surface.part_segment)  # fmt: skip
+    made = g.add(body_tasks.run, hand=hand, mesh=x.mesh, parts=parts, report=g.pick(read, lambda r: r.report),
+                 descriptions=seen.notes, found=seen.found, params=p.grasping.body_tasks)  # fmt: skip
+    return Bodies(g.leaf("mesh_names", tuple(FileTree(one.name, ()) for one in origin.meshes)), made,
+                  g.add(body_list.run, body=made, params=body_list.Params()))  # fmt: skip
+
+
+def evaluate_bodies(g: Graph, hand: HandModel, bodies: Bodies, policy: FileTree, name: str, p: Settings) -> list[GraspEpisodes]:
+    """Evaluate a policy on every body; handles of the episodes of all bodies, one for each engine."""
+    out = list[GraspEpisodes]()
+    for engine in p.grasping.body_report.engines:
+        each = g.named(f"{name}_{engine}").add(body_evaluate.run, hand=hand, tasks=bodies.tasks, policy=policy,
+                                               params=replace(p.grasping.body_evaluate, policy=name, engine=engine), ctx=g.ctx)
+        out.append(g.named(f"{name}_{engine}_episodes").add(body_episodes.run, episodes=g.collect(each),
+                                                            params=body_episodes.Params(name)))  # fmt: skip
+    return out
+
+
+def report_bodies(g: Graph, target: str, hand: HandModel, bodies: Bodies, episodes: list[GraspEpisodes], p: Settings,
+                  *others: FileTree) -> None:  # fmt: skip
+    """Report the episodes of all bodies, film and record them, and set the target; `others` are further outputs of it."""
+    page = g.add(body_report.run, meshes=bodies.names, bodies=g.collect(bodies.made), episodes=g.finished("body_runs", episodes),
+                 params=p.grasping.body_report, ctx=g.ctx)  # fmt: skip
+    tasks = g.collect(bodies.tasks)
+    films = [g.named(f"grasp_record_{number}").add(grasp_record.run, hand=hand, tasks=tasks, episodes=one,
+                                                   params=p.grasping.grasp_record, ctx=g.ctx)
+             for number, one in enumerate(episodes)]  # fmt: skip
+    for number, film in enumerate(films):
+        g.publish(film, f"recordings/{{source}}/grasps-{number}", as_=f"films_{number}")
+    g.target(target, reported(g, page), record_run(g, "body_report", page), *films, *others)
