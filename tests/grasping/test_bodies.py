@@ -128,7 +128,7 @@ def file_tree(name: str):  # type: ignore[no-untyped-def]  # a FileTree
 
 
 def test_the_graph_with_and_without_a_source(tmp_path: Path) -> None:
-    """With meshes: evaluation of a policy in both engines, no training of motion; without: the stages as they are."""
+    """Meshes: evaluation of a policy in both engines, no training of motion; no source: the stages as they are."""
     write_obj(tmp_path / "stick.obj", stick().vertices, stick().faces)
     place, found = origin("grasp", tmp_path, Settings(), file_digest)
     graph = build("grasp", place._replace(name="mine"), Settings.of()) if found else None

@@ -87,7 +87,7 @@ def check_extent(mesh: ObjectMesh) -> None:
 
 
 def _body(mesh: ObjectMesh, parts: MeshParts, s: BodySettings) -> GraspObject:
-    """Build the rigid body. ValueError, one sentence, for a mesh that is none."""
+    """Build the rigid body. ValueError, one sentence, for a mesh that cannot be one."""
     check_extent(mesh)
     body = grasp_object(mesh, parts, s.density_kg_m3, s.tolerance_m, s.hulls, s.hull_corners, s.points, s.seed)
     body = _with_volume_of(mesh, body, s.density_kg_m3)

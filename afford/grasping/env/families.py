@@ -119,7 +119,7 @@ def _scored(place: GraspPlace, part: PartShape, served: float) -> GraspPlace:
 
 
 def _spanned(width_m: float) -> float:
-    """How well a hand spans a width: 1 for EASY_M, falling to 0 at THIN_M and WIDE_M."""
+    """Rate the span of a width by a hand: 1 for EASY_M, falling to 0 at THIN_M and WIDE_M."""
     return float(np.interp(width_m, [THIN_M, *EASY_M, WIDE_M], [0.0, 1.0, 1.0, 0.0]))
 
 
