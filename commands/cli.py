@@ -43,6 +43,8 @@ def run(
     clip: Clips = None,
     set_: Sets = None,
     params: ParamsFile = None,
+    uses: Annotated[Path | None, typer.Option(help="CSV file of your objects: object, task, parts to hold, parts to avoid",
+                                              show_default=False)] = None,
     only: Annotated[str | None, typer.Option(help="run one stage, by its name or that of its file, on its last inputs, and record "
                                              "it; reports stale inputs, and computes missing ones")] = None,
     record: Annotated[bool | None, typer.Option("--record/--no-record", help="with --only: record the output of the stage; "
@@ -64,6 +66,10 @@ def run(
     json: Json = False,
 ) -> None:
     """Run a target; results are cached by code, parameters and inputs."""
+    if uses is not None:
+        from commands.uses import setting_of
+
+        set_ = [*(set_ or ()), setting_of(uses)]
     request = _request(target, source, clip, set_, params, store, json, only=only, force=force, jobs=jobs, rehash=rehash,
                        minutes=minutes, replace=replace, record=record, remote=remote, engine=engine, address=address)
     if dry_run:

@@ -5,7 +5,7 @@ Writes  PartDescriptions: for each task the negative and positive parts, reasons
         task
 Method  `rules` looks category, task and state up in a lexicon (afford/surface/describe/lexicon.py) and uses no image; a category
         outside the lexicon is `unknown` and has no parts. `vlm` prompts a local vision-language model with the images, `endpoint`
-        one behind an OpenAI-compatible server; both parse its JSON answer
+        one behind an OpenAI-compatible server; both parse its JSON answer. Objects of `uses` are described by it
 Fails   `rules` never: unknown objects are a valid result. `vlm` and `endpoint` without a model or server, without a required key,
         or when the answer violates the form
 Paper   AffordDex, negative affordance: GPT-4V is prompted for one part that should not be touched, independent of the task
@@ -42,6 +42,8 @@ class Params:
     """rules, vlm or endpoint"""
     tasks: tuple[str, ...] = ()
     """tasks, e.g. 'cut bread'; empty: the tasks of the lexicon for the category, or any use"""
+    uses: tuple[str, ...] = ()
+    """uses that replace those of the backend, 'object | task | parts to hold | parts to avoid' each; see --uses"""
     vlm: Vlm = Vlm()
     """parameters of vlm"""
     endpoint: Served = Served()
@@ -53,7 +55,10 @@ def run(mesh: ObjectMesh, views: ObjectViews, params: Params, weights: FileTree 
     from afford.common.registry import block, load
     from afford.models.weights import with_local_weights
     from afford.surface.describe.lexicon import TASKS, known_category
+    from afford.surface.describe.uses import described
 
+    if given := described(mesh, params.uses):
+        return PartDescriptions(mesh.name, given)
     describe, own = load(BACKENDS, params.backend), with_local_weights(block(params, params.backend), weights)
     tasks = params.tasks or TASKS.get(known_category(mesh.category), ("",))
     return PartDescriptions(mesh.name, tuple(describe(mesh, views, task, own) for task in tasks))
