@@ -82,6 +82,9 @@ SCHOOL: Changes = {
     "grasp_two_tasks.rounds": 1, "grasp_two_tasks.iterations": 20, "grasp_two_tasks.width": 64, "grasp_two_tasks.height": 48,
     "grasp_two_tasks.supersample": 1, "grasp_record.width": 64, "grasp_record.height": 48,
     "grasp_record.supersample": 1}  # fmt: skip
+PRIOR = ("object_plan", "object_solids", "grasp_tasks", "grasp_targets", "hand_imitation")
+"""stages of SCHOOL that the target grasp-prior has as well"""
+PROOF: Changes = {"human_motion.data": "synthetic", "clip_proof.proofs": 0}
 FULL: Changes = {
     "grasp_student.rounds": 2, "grasp_student.worlds": 1, "grasp_student.updates": 10, "grasp_student.batch": 8,
     "grasp_student.views": 1, "grasp_student.size_px": 24, "grasp_student.points": 64, "imitation_evaluate.places": 1,
@@ -120,6 +123,8 @@ RUNS: dict[str, Run] = {
     "grasp": Run("grasp", SCHOOL),
     "grasp-full": Run("grasp-full", {**SCHOOL, **FULL, **SURFACE, **STILLS, **TWOHANDS}, options=("--minutes", "inf")),
     "grasp-play": Run("grasp-play", {name: value for name, value in SCHOOL.items() if "two_tasks" not in name}),
+    "grasp-prior": Run("grasp-prior", {**{name: value for name, value in SCHOOL.items() if name.startswith(PRIOR)}, **PROOF},
+                       source="motion"),
     "interactions": Run("interactions", SEQUENCES),
     "sor3d": Run("sor3d", {**SEQUENCES, **SOR3D, "sor3d_report.pretrained": "true", "sor3d_report.resamples": 20,
                            "sor3d_evaluate.shown": 1, "interaction_record.shown": 1}),

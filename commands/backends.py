@@ -38,6 +38,8 @@ DECLARATIONS = ("WEIGHTS", "SERVER", "EXTRA", "PACKAGES", "MET")
 LEVELS = ("published weights", "authors' package, random weights", "published size, random weights", "tiny random weights",
           "server of the tests")
 """beginnings of MET, the strongest evidence first; then a month and what was seen: 'LEVEL, YYYY-MM: figure or fact'"""
+CHECKS = "CHECKED"
+"""name of registries of checks, which no parameter selects"""
 DECIDES = "Everything that decides "
 """prefix of a training module's docstring, before the description of the backend"""
 STOP = re.compile(r"(?<!\bal)(?<!\be\.g)(?<!\bi\.e)(?<!\bcf)\. ")
@@ -106,7 +108,7 @@ def _of(modules: Modules, owner: str) -> list[Backend]:
     found = modules.get(owner)
     registries = found.registries if found else {}
     return [Backend(owner, registry, name, entry, **_declared(name, entry, _shared(entry, entries.values())))
-            for registry, entries in registries.items() for name, entry in entries.items()]
+            for registry, entries in registries.items() if registry != CHECKS for name, entry in entries.items()]
 
 
 def _shared(entry: str, entries: Iterable[str]) -> bool:

@@ -207,8 +207,9 @@ def setup(g: Graph, p: Settings) -> Setup:
     """Build hand, objects and human motion, and train the frozen prior on them, unless one is given."""
     hand, objects = robot_hand(g, p), grasp_objects(g, p)
     people = human_motion(g, hand, objects.train, p)
-    if "prior" in dict(p.weights):
-        given = g.leaf("prior", Trained(dict(p.weights)["prior"], TrainingLog("prior", (), 0, 0)))
+    files = dict(p.weights).get("prior")
+    if p.grasping.human_motion.prior and files:
+        given = g.leaf("prior", Trained(files, TrainingLog("prior", (), 0, 0)))
         return Setup(hand, objects, people, given, {}, trains_prior=False)
     prior = g.add(hand_imitation.run, hand=hand, bodies=g.collect(objects.train), targets=people.targets,
                   references=people.references, params=p.grasping.hand_imitation, ctx=g.ctx)  # fmt: skip

@@ -18,7 +18,7 @@ from schemas.grasp import GraspTask
 from schemas.hand import HandModel
 from schemas.spec import Context
 
-LIBRARIES = ("numpy", "scipy", "torch", "mujoco", "pybullet", "gymnasium", "trimesh", "safetensors", "blake3")
+LIBRARIES = ("numpy", "scipy", "torch", "mujoco", "pybullet", "gymnasium", "trimesh", "numba", "safetensors", "blake3")
 THREADS = 1
 MEMORY_GIB = 1.5
 

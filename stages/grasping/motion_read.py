@@ -16,7 +16,7 @@ from schemas.files import FileTree
 from schemas.hand import HandMotion
 
 LIBRARIES = ("numpy",)
-BACKEND_LIBRARIES = {"oakink2": ("scipy",)}
+BACKEND_LIBRARIES = {"dexycb": ("scipy",), "oakink2": ("scipy",)}
 THREADS = 1
 MEMORY_GIB = 1.0
 

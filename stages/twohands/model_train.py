@@ -26,8 +26,8 @@ from schemas.training import Recipe, Trained
 if TYPE_CHECKING:
     from afford.twohands.train.job import TwoHandsJob
 
-LIBRARIES = ("numpy", "torch", "transformers", "tokenizers", "peft", "safetensors", "opencv-python-headless", "pyarrow", "h5py",
-             "pycocotools", "blake3", "protobuf", "foxglove-schemas-protobuf", "mcap", "mcap-protobuf-support")  # fmt: skip
+LIBRARIES = ("numpy", "scipy", "torch", "transformers", "tokenizers", "peft", "safetensors", "opencv-python-headless", "pyarrow",
+             "h5py", "pycocotools", "blake3", "protobuf", "foxglove-schemas-protobuf", "mcap", "mcap-protobuf-support")  # fmt: skip
 THREADS = 2
 MEMORY_GIB = 3.0
 SCRATCH_GIB = 0.5

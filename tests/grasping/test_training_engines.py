@@ -54,7 +54,7 @@ def test_training_rejects_an_unknown_engine(tmp_path: Path) -> None:
 
 
 def test_training_in_bullet(tmp_path: Path) -> None:
-    """It ends in other weights than a training in MuJoCo, of the same form."""
+    """The training ends in other weights than a training in MuJoCo, of the same form."""
     one, two = trained(tmp_path / "a", engine="bullet", updates=1), trained(tmp_path / "b", updates=1)
     assert content(one).keys() == content(two).keys()
     assert content(one)["policy.safetensors"] != content(two)["policy.safetensors"]

@@ -69,7 +69,7 @@ def test_a_frozen_layer_is_the_layer_of_its_rounded_weights(dtype: torch.dtype) 
 
 
 @pytest.mark.parametrize("dtype", LOW)
-def test_only_trained_weights_change(backbones: Path, dtype: torch.dtype) -> None:
+def test_training_changes_trained_weights_only(backbones: Path, dtype: torch.dtype) -> None:
     """Frozen ones keep bytes and type, also while the loss falls; what is trained is in single precision."""
     model = half(backbones, dtype)
     before = {name: tensor.clone() for name, tensor in model.state_dict().items()}

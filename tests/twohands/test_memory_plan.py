@@ -57,7 +57,7 @@ def free(monkeypatch: pytest.MonkeyPatch, size: int) -> None:
     monkeypatch.setattr(memory_plan, "LARGE", 0)
 
 
-def test_what_lives_at_once_is_counted() -> None:
+def test_peak_counts_tensors_that_live_at_once() -> None:
     """Three tensors of a KiB one after the other, of which two live at once; known ones and views of them count nothing."""
     weight = torch.empty(256, device="meta")
 
@@ -139,7 +139,7 @@ def test_parts_of_a_training(backbones: Path) -> None:
 
 
 def test_weights_in_their_files_need_no_memory(saved: Path) -> None:
-    """On a CPU as stored; another type, or a GPU, takes their size."""
+    """Weights as stored are mapped on a CPU; another type, or a GPU, takes their size."""
     config, size = read_config(saved), (saved / "model.safetensors").stat().st_size
     stored, single, card = (plan_folder(saved, config, dtype, device, 1)
                             for dtype, device in (("", "cpu"), ("float32", "cpu"), ("", "cuda")))  # fmt: skip
@@ -150,7 +150,7 @@ def test_weights_in_their_files_need_no_memory(saved: Path) -> None:
 
 
 def test_a_prediction_is_refused_with_what_helps(saved: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Before weights are read: the type of the files, a smaller batch, a smaller type, or how much memory to free."""
+    """Remedies come before weights are read: the type of the files, a smaller batch, a smaller type, or how much memory to free."""
     config = read_config(saved)
     stored, single = plan_folder(saved, config, "", "cpu", 1), plan_folder(saved, config, "float32", "cpu", 1)
     monkeypatch.setattr("afford.twohands.model.large.fill_weights", lambda *_, **__: pytest.fail("weights were read"))
@@ -203,7 +203,7 @@ def test_the_verb_plans_a_folder(saved: Path, tmp_path: Path, capsys: pytest.Cap
 
 @pytest.mark.slow
 def test_the_paper_recipe_of_7b_fits_a_card_of_24_gib(tmp_path: Path) -> None:
-    """With frozen weights in bfloat16 and checkpointing; not with frozen weights in single precision."""
+    """The plan fits with frozen weights in bfloat16 and checkpointing; not with frozen weights in single precision."""
     params = replace(model_train.VLM, backbones=str(write_backbones(tmp_path, "7b")), device="cuda")
     half, single = (plan_training(model_train._job(replace(params, frozen_dtype=dtype))) for dtype in ("bfloat16", "float32"))
     assert half.total < 24 * GIB < single.total

@@ -17,7 +17,7 @@ Calibration = tuple[float, float]
 """slope and offset of logits"""
 IDENTITY: Calibration = (1.0, 0.0)
 LARGEST, BINS = 12.0, 480
-"""largest absolute logit that is told from larger ones, and bins of logits between both ends"""
+"""largest absolute logit that differs from larger ones, and bins of logits between both ends"""
 
 
 def calibrated(probability: float, calibration: Calibration) -> float:

@@ -50,7 +50,7 @@ class MemoryPlan:
 
     @property
     def total(self) -> int:
-        """All of it."""
+        """Sum of all parts."""
         return self.mapped + self.process + self.needed
 
     @property
