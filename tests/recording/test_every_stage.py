@@ -51,6 +51,9 @@ EXCEPTIONS: dict[str, str] = {
     "keypoint_files": "the motions are those of motion_record, as files",
     "recordings_read": "the motions as they become clips are those of human_motion; refused files are in prior_report",
     "clip_proof": "its verdicts are on the page of prior_report, which is recorded",
+    "part_segment": "its parts are those of the hulls that grasp_record shows",
+    "body_tasks": "its bodies are /grasp_evaluate/scene of grasp_record; refusals are in body_report, which is recorded",
+    "body_evaluate": "its episodes, joined by body_episodes, are those of grasp_record",
     "motion_report": "the verdict on each clip is in the log of motion_record",
 }
 """stage -> why it has no recorder of its own"""
@@ -78,7 +81,8 @@ def graphs() -> Iterator[tuple[str, Graph]]:
     for target, place in {
         "recordings": Origin("v", videos=(RenderedClip(none, none, none),), bare=True),
         "motions": Origin("v", videos=(RenderedClip(none, none, none),), bare=True),
-        "negative-affordance": Origin("m", meshes=(none,)), "sor3d": Origin("s", sequences=(none,), actions=none),
+        "negative-affordance": Origin("m", meshes=(none,)), "grasp": Origin("m", meshes=(none,)),
+        "sor3d": Origin("s", sequences=(none,), actions=none),
         "static-sets": Origin("p", pictures=none)}.items():  # fmt: skip
         yield target, build(target, place, chosen)
 
