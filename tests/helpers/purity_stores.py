@@ -6,6 +6,9 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+import trimesh
+
 from afford.common.files import tree as files_of
 from afford.common.video.frames import write_video
 from afford.extraction.landmarks.files import landmark_files
@@ -52,7 +55,8 @@ from tests.helpers.made_interactions import iit_aff, umd, utkinect
 from tests.helpers.made_landmarks import MadeHand, made_video, path
 from tests.helpers.made_looks import rod as bar
 from tests.helpers.made_meshes import as_object, cup
-from tests.helpers.made_motions import recorded, rod
+from tests.helpers.made_motions import own_motion, recorded, rod, trajectory
+from tests.helpers.made_motions import tree as recorded_files
 from tests.helpers.made_objects import SMALL
 from tests.helpers.made_samples import Scratch, clip
 from tests.helpers.made_school import SCHOOL
@@ -224,6 +228,27 @@ def schooled(store: Path, folder: Path) -> None:
     with_fonts(store)
 
 
+def recorded_prior(store: Path, folder: Path) -> None:
+    """A prior has hardly learned anything, from made clips and one recording."""
+    p = SCHOOL.with_stages(clip_proof=replace(SCHOOL.grasping.clip_proof, proofs=0))
+    motion = own_motion(shadow(), trajectory(shadow(), 40, seed=1))
+    phase = np.repeat(["reach", "close", "hold"], [20, 10, len(motion.keypoints_m) - 30])
+    np.savez(folder / "own.npz", keypoints=motion.keypoints_m, fps=60.0, hand="right", unit="m", phase=phase)
+    run(store, "grasp-prior", build("grasp-prior", Origin("motion", motions=recorded_files(folder / "own.npz")), p))
+
+
+def grasped_meshes(store: Path, folder: Path) -> None:
+    """A teacher that has hardly learned anything was tried on a box."""
+    p = SCHOOL.with_stages(
+        body_evaluate=replace(SCHOOL.grasping.body_evaluate, episodes=1, at_once=1, iterations=20),
+        body_report=replace(SCHOOL.grasping.body_report, engines=("mujoco",)),
+        mesh_texture=replace(SCHOOL.surface.mesh_texture, procedural=replace(SCHOOL.surface.mesh_texture.procedural, side_px=64)))
+    at = folder / "stick"
+    at.mkdir()
+    trimesh.creation.box((0.2, 0.025, 0.02)).export(at / "stick.obj")
+    run(store, "grasp", build("grasp", Origin("stick", meshes=(tree(at),)), p))
+
+
 def grasps(store: Path, folder: Path) -> None:
     """Two grasps were recorded."""
     graph = Graph()
@@ -331,6 +356,8 @@ MAKERS: dict[Maker, tuple[str, ...]] = {
     motions: ("motion_read", "motion_synthesise", "hand_retarget", "motion_report", "motion_files", "motion_record"),
     schooled: ("grasp_tasks", "grasp_tasks_predicted", "grasp_targets", "hand_imitation", "rl_grasp_refinement", "grasp_student",
                "grasp_evaluate", "grasp_report", "imitation_evaluate", "grasp_two_tasks", "policy_record"),
+    recorded_prior: ("recordings_read", "human_motion", "clip_proof", "prior_report"),
+    grasped_meshes: ("part_segment", "body_tasks", "body_list", "body_evaluate", "body_episodes", "body_report"),
     judged: ("grasp_judge",),
     grasps: ("grasp_record",),
     from_masks: ("grasp_candidates", "grasp_compare", "grasp_compare_report", "positive_affordance_projection",
