@@ -16,6 +16,7 @@ from afford.extraction.sources.discover import discover
 from afford.extraction.sources.narrations import default_narration
 from afford.grasping.hand.assets import shadow_files
 from afford.grasping.judge import prompt
+from afford.grasping.motion.skeleton import aperture
 from commands.origin import origin
 from maps.rgbd import interactions
 from maps.settings import Origin, Settings
@@ -232,8 +233,10 @@ def recorded_prior(store: Path, folder: Path) -> None:
     """A prior has hardly learned anything, from made clips and one recording."""
     p = SCHOOL.with_stages(clip_proof=replace(SCHOOL.grasping.clip_proof, proofs=0))
     motion = own_motion(shadow(), trajectory(shadow(), 40, seed=1))
-    phase = np.repeat(["reach", "close", "hold"], [20, 10, len(motion.keypoints_m) - 30])
-    np.savez(folder / "own.npz", keypoints=motion.keypoints_m, fps=60.0, hand="right", unit="m", phase=phase)
+    points = motion.keypoints_m
+    points = points * (0.045 / float(aperture(points[-1:])[0]))  # as open as a tool is thick
+    phase = np.repeat(["reach", "close", "hold"], [len(points) - 11, 10, 1])
+    np.savez(folder / "own.npz", keypoints=points, fps=60.0, hand="right", unit="m", phase=phase)
     run(store, "grasp-prior", build("grasp-prior", Origin("motion", motions=recorded_files(folder / "own.npz")), p))
 
 
