@@ -77,8 +77,8 @@ def ablation_table(rows: Values, planned: dict[str, int]) -> str:
 
 RANDOM = {
     "clip": "tiny random CLIP and SAM, trained whole",
-    "vlm": "tiny random language model, not trained on words, and tiny random image encoders, not trained on pictures: shows that "
-           "the recipe runs, not what it is worth",
+    "vlm": "tiny random language model, not trained on words, and tiny random image encoders, not trained on pictures: the "
+           "recipe runs, and its figures do not rate the method",
 }  # fmt: skip
 """variant -> remark on rows whose backbones were not trained before"""
 

@@ -26,7 +26,7 @@ class Params:
     """Parameters of human_motion."""
 
     data: str = "both"
-    """maps/grasping.py: clips that `grasp-prior` learns from: synthetic, recorded, or both"""
+    """maps/motions.py: clips that `grasp-prior` learns from: synthetic, recorded, or both"""
     prior: str = ""
     """commands/weights.py: folder of a trained prior that `grasp` and `grasp-full` use instead of training one"""
     engine: str = "mujoco"

@@ -10,7 +10,6 @@ from scipy.spatial.transform import Rotation
 from afford.grasping.env.config import GraspEnvConfig
 from afford.grasping.env.families import GraspPlace
 from afford.grasping.env.grasp_worlds import GraspWorlds
-from afford.grasping.env.gym_env import VectorEnv
 from afford.grasping.env.rest_choice import places_of
 from afford.grasping.env.task import from_grasp_task
 from afford.grasping.sim.scripted import Aim
@@ -31,14 +30,6 @@ class PlacedWorlds(GraspWorlds):
 
     def _aim(self, k: int, pose: np.ndarray, rng: np.random.Generator) -> Aim:
         return aim_at_place(self.places[k], pose, self.scenery.com[k])
-
-
-class PlacedVector(VectorEnv):
-    """Gymnasium environment of n such worlds; tasks are taken in turn."""
-
-    def __init__(self, num_envs: int, hand: HandModel, tasks: Sequence[GraspTask], config: GraspEnvConfig) -> None:
-        self.core = PlacedWorlds(hand, [tasks[k % len(tasks)] for k in range(num_envs)], config)
-        super().__init__(self.core, num_envs)
 
 
 def best_place(task: GraspTask) -> GraspPlace:
