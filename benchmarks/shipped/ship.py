@@ -166,8 +166,9 @@ def calibrate(recipe: Recipe, folders: list[Path]) -> None:
             found = task.validate()
     config = calibrated_config(task.model.config, found)
     (folder / "config.json").write_text(config_json(config), encoding="utf-8")
-    line = (f"The threshold {config.threshold} and the calibration, slope and offset {config.calibration} of logits, were set by "
-            f"{len(task.validation) * job.batch} samples of the split val of rendered stills, `--calibrate` at commit `{head()}`.")
+    line = (f"The threshold {config.threshold} and the calibration (slope and offset {config.calibration} of the logits of "
+            f"regions, temperature {config.temperature} of the taxonomy) were set by {len(task.validation) * job.batch} samples of "
+            f"the split val of rendered stills, `--calibrate` at commit `{head()}`.")
     card = re.sub(r"The threshold [^\n]*\.", line, (folder / CARD).read_text(encoding="utf-8"), count=1)
     (folder / CARD).write_text(card, encoding="utf-8")
     record = read_record(folder)

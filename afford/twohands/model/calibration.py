@@ -1,7 +1,8 @@
-"""Platt scaling of the regions of a model, so that a probability is the share of such pixels that people touch.
+"""Calibration of a model, so that a probability is the share of such pixels that people touch.
 
-A model that learns by cross-entropy and Dice is far too sure of itself. Slope and offset of its logits are fitted on validation
-pictures (Platt 1999 with his prior, Guo et al. 2017); the order of pixels, and so every region, stays as it is.
+A model that learns by cross-entropy and Dice is far too sure of itself. The temperature of its taxonomy, then slope and offset of
+the logits of its regions, are fitted on validation pictures (Platt 1999 with his prior, Guo et al. 2017). The order of pixels and
+of classes, and so every region, stays as it is.
 """
 
 from __future__ import annotations
@@ -10,14 +11,16 @@ import math
 from collections.abc import Iterable
 
 import numpy as np
-from scipy.optimize import minimize
-from scipy.special import expit, logit
+from scipy.optimize import minimize, minimize_scalar
+from scipy.special import expit, logit, softmax
 
 Calibration = tuple[float, float]
 """slope and offset of logits"""
 IDENTITY: Calibration = (1.0, 0.0)
 LARGEST, BINS = 12.0, 480
 """largest absolute logit that differs from larger ones, and bins of logits between both ends"""
+TEMPERATURES, CERTAIN = (0.5, 10.0), 1e-6
+"""temperatures that a taxonomy may have, and distance of a hand's probability from 0 and 1"""
 
 
 def calibrated(probability: float, calibration: Calibration) -> float:
@@ -28,24 +31,51 @@ def calibrated(probability: float, calibration: Calibration) -> float:
     return 1.0 / (1.0 + math.exp(-slope * math.log(probability / (1.0 - probability)) - offset))
 
 
-def fit_calibration(regions: Iterable[tuple[np.ndarray, np.ndarray]]) -> Calibration:
-    """Fit slope and offset to pairs of probabilities (n,) float32 and truth (n,) bool by maximum likelihood.
+def tempered(taxonomy: np.ndarray, temperature: float) -> np.ndarray:
+    """Divide the logits of taxonomy probabilities (..., 4) by a temperature; float32, with sums of 1."""
+    logits = np.log(np.clip(taxonomy.astype(np.float64), np.finfo(np.float32).tiny, 1.0))
+    return np.asarray(softmax(logits / temperature, -1), np.float32)
 
-    `IDENTITY` where truth is all one class, or where the fitted slope is not above 0, so that no order of pixels is turned around.
+
+def fit_temperature(taxonomy: np.ndarray, labels: np.ndarray) -> float:
+    """Fit the temperature of taxonomy probabilities (n, 4) to labels (n,) by maximum likelihood.
+
+    It is in `TEMPERATURES`; 1 without labels.
     """
-    table = np.sum([np.zeros((2, BINS)), *(_counts(*pair) for pair in regions)], axis=0)
-    missed, touched = table
+    if not len(labels):
+        return 1.0
+    right = np.arange(len(labels)), labels
+
+    def cost(temperature: float) -> float:
+        return -float(np.log(np.maximum(tempered(taxonomy, temperature)[right], CERTAIN)).mean())
+
+    return round(float(minimize_scalar(cost, bounds=TEMPERATURES, method="bounded").x), 4)
+
+
+def fit_calibration(regions: Iterable[tuple[np.ndarray, np.ndarray, float]]) -> Calibration:
+    """Fit slope and offset of logits by maximum likelihood.
+
+    regions: probabilities (n,) float32 of the pixels of a hand's region, truth (n,) bool, and the calibrated probability that the
+    hand takes part, by which those of its pixels are multiplied. `IDENTITY` where truth is all one class, or where the fitted slope
+    is not above 0, so that no order of pixels is turned around.
+    """
+    counted = [(_counts(probability, truth), hand) for probability, truth, hand in regions]
+    table = np.stack([np.zeros((2, BINS)), *(counts for counts, _ in counted)])
+    hand = np.clip([1.0, *(share for _, share in counted)], CERTAIN, 1.0 - CERTAIN)[:, None]
+    missed, touched = table[:, 0], table[:, 1]
     if not missed.any() or not touched.any():
         return IDENTITY
     centre = (np.arange(BINS) + 0.5) * (2 * LARGEST / BINS) - LARGEST
     prior = (1 / (missed.sum() + 2), (touched.sum() + 1) / (touched.sum() + 2))  # of both classes; keeps a perfect fit finite
-    count, truth = missed + touched, missed * prior[0] + touched * prior[1]
+    truth = missed * prior[0] + touched * prior[1]
+    idle, count = missed + touched - truth, table.sum()
 
     def cost(at: np.ndarray) -> tuple[float, np.ndarray]:
         z = at[0] * centre + at[1]
-        error = count * expit(z) - truth
-        return float((count * np.logaddexp(0, z) - truth * z).sum() / count.sum()), np.array(
-            [error @ centre, error.sum()]) / count.sum()
+        region = expit(z)
+        loss = -(truth * (np.log(hand) - np.logaddexp(0, -z)) + idle * np.log1p(-hand * region)).sum()
+        slope = ((idle * hand * region / (1 - hand * region) - truth) * (1 - region)).sum(0)
+        return float(loss / count), np.array([slope @ centre, slope.sum()]) / count
 
     slope, offset = (round(float(value), 4) for value in minimize(cost, np.array(IDENTITY), jac=True, method="BFGS").x)
     return (slope, offset) if slope > 0 else IDENTITY

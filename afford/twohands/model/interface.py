@@ -58,6 +58,8 @@ class ModelConfig:
     """calibrated probability above which a pixel belongs to a region; chosen on the validation split"""
     calibration: tuple[float, float] = (1.0, 0.0)
     """slope and offset of the logits of regions (afford/twohands/model/calibration.py), fitted on the validation split"""
+    temperature: float = 1.0
+    """by which the logits of the taxonomy are divided, fitted there too"""
 
     def __post_init__(self) -> None:
         if self.variant not in VARIANTS:

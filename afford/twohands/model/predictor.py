@@ -114,7 +114,7 @@ class Predictor:
         batch = Batch(to_tensor([letterbox(image, size) for image in images]).to(self.device), tuple(tasks))
         with torch.inference_mode():
             output = self.model.answer(batch)
-        taxonomy = output.taxonomy.float().softmax(-1).cpu().numpy()
+        taxonomy = (output.taxonomy.float() / self.model.config.temperature).softmax(-1).cpu().numpy()
         objects = [None] * len(images) if output.objects is None else output.objects.float().cpu()
         texts = output.answer or [""] * len(images)
         said = [True] * len(images) if output.said is None else output.said.tolist()

@@ -106,8 +106,8 @@ step {curves.best_step} were kept. Learns the {job["target"]} of each hand.
 
 On {min(job["val_samples"], source.parts['val']['samples'])} samples of the part `val`, every second one cropped to its objects, at
 {config["size_px"][1]} x {config["size_px"][0]} px; IoU and precision of both hands' union, the top-ranked hypothesis, an idle
-hand by the model's own taxonomy. Slope and offset of the logits of regions (calibration) were fitted here, and the threshold
-{threshold} was chosen.
+hand by the model's own taxonomy. The temperature of the taxonomy and slope and offset of the logits of regions (calibration) were
+fitted here, and the threshold {threshold} was chosen.
 
 ## Limits
 
@@ -218,7 +218,8 @@ class TwoHandsJob:
 def calibrated_config(config: ModelConfig, validation: Mapping[str, float]) -> ModelConfig:
     """Config with the calibration and the threshold that a validation (`validation_metrics`) found."""
     calibration = validation["slope"], validation["offset"]
-    return replace(config, threshold=round(calibrated(validation["threshold"], calibration), 4), calibration=calibration)
+    return replace(config, threshold=round(calibrated(validation["threshold"], calibration), 4), calibration=calibration,
+                   temperature=validation["temperature"])
 
 
 def describe_splits(scratch: Path) -> dict[str, dict[str, Any]]:

@@ -15,8 +15,8 @@ from torch import Tensor
 
 from afford.common.image_files import jpeg
 from afford.common.palette import LEFT, RIGHT
-from afford.twohands.model.calibration import fit_calibration
-from afford.twohands.model.hand_selection import select_hands
+from afford.twohands.model.calibration import fit_calibration, fit_temperature, tempered
+from afford.twohands.model.hand_selection import hand_probabilities, select_hands
 from afford.twohands.model.predictor import rank_scores
 
 THRESHOLDS = tuple(round(0.05 * n, 2) for n in range(1, 20))
@@ -27,37 +27,51 @@ class ValidationSample:
     """Prediction for one validation sample, and its truth."""
 
     regions: np.ndarray
-    """(k, 2, h, w) float32: probabilities of each selected hand, 0 for the other; the top-ranked hypothesis first"""
+    """(k, 2, h, w) float32: probabilities of both hands, the top-ranked hypothesis first"""
+    taxonomy: np.ndarray
+    """(4,) probabilities"""
     truth: np.ndarray
     """(2, h, w) bool"""
-    right: bool
-    """whether the predicted taxonomy is right"""
+    label: int
+    """class of the taxonomy"""
 
     @classmethod
     def of(cls, probability: np.ndarray, score: Tensor, taxonomy: np.ndarray, truth: np.ndarray, label: int) -> ValidationSample:
-        """Select hands and sort the hypotheses of probability (2, k, h, w), score logits (2, k), taxonomy probabilities (4,)."""
-        hands = select_hands(taxonomy)
-        order = (-rank_scores(score, bool(hands.all())).numpy()).argsort(1, kind="stable")
-        sorted_ = np.take_along_axis(probability, order[:, :, None, None], 1) * hands[:, None, None, None]
-        return cls(sorted_.swapaxes(0, 1), truth, int(taxonomy.argmax()) == label)
+        """Sort the hypotheses of probability (2, k, h, w) by their score logits (2, k), given taxonomy probabilities (4,)."""
+        order = (-rank_scores(score, bool(select_hands(taxonomy).all())).numpy()).argsort(1, kind="stable")
+        return cls(np.take_along_axis(probability, order[:, :, None, None], 1).swapaxes(0, 1), taxonomy, truth, label)
+
+    @property
+    def selected(self) -> np.ndarray:
+        """(k, 2, h, w) float32: probabilities of each selected hand, 0 for the other."""
+        return np.asarray(self.regions * select_hands(self.taxonomy)[:, None, None])
 
 
 def validation_metrics(samples: Sequence[ValidationSample]) -> dict[str, float]:
     """Compute means over samples, at the threshold with the best mean IoU.
 
     `iou` and `precision` are those of the union of both hands, `best_iou` that of the best of the k hypotheses, `taxonomy` is the
-    accuracy of the taxonomy, and `threshold` is that threshold. `slope` and `offset` calibrate regions (`fit_calibration`),
-    fitted to the hands that act and were selected.
+    accuracy of the taxonomy, and `threshold` is that threshold. `temperature`, `slope` and `offset` calibrate the taxonomy and the
+    regions (`fit_temperature`, `fit_calibration`).
     """
-    table = np.array([iou_and_precision(one.regions[0], one.truth) for one in samples])
+    regions = [one.selected for one in samples]
+    table = np.array([iou_and_precision(own[0], one.truth) for own, one in zip(regions, samples, strict=True)])
     iou, precision = table.mean(0)
     best = int(iou.argmax())
-    several = [max(iou_and_precision(region, one.truth)[0][best] for region in one.regions) for one in samples]
-    slope, offset = fit_calibration((one.regions[0, hand].ravel(), one.truth[hand].ravel()) for one in samples
-                                    for hand in (0, 1) if one.regions[0, hand].any() and one.truth[hand].any())
+    several = [max(iou_and_precision(each, one.truth)[0][best] for each in own) for own, one in zip(regions, samples, strict=True)]
+    right = [int(one.taxonomy.argmax()) == one.label for one in samples]
     return {"iou": float(iou[best]), "precision": float(precision[best]), "threshold": THRESHOLDS[best],
-            "best_iou": float(np.mean(several)), "taxonomy": float(np.mean([one.right for one in samples])),
-            "slope": slope, "offset": offset}
+            "best_iou": float(np.mean(several)), "taxonomy": float(np.mean(right)), **calibration_metrics(samples)}
+
+
+def calibration_metrics(samples: Sequence[ValidationSample]) -> dict[str, float]:
+    """Fit `temperature`, `slope` and `offset`."""
+    taxonomy = np.stack([one.taxonomy for one in samples])
+    temperature = fit_temperature(taxonomy, np.array([one.label for one in samples]))
+    hands = [hand_probabilities(tempered(one, temperature)) for one in taxonomy]
+    slope, offset = fit_calibration((one.regions[0, side].ravel(), one.truth[side].ravel(), float(hand[side]))
+                                    for one, hand in zip(samples, hands, strict=True) for side in (0, 1))
+    return {"temperature": temperature, "slope": slope, "offset": offset}
 
 
 def iou_and_precision(region: np.ndarray, truth: np.ndarray) -> np.ndarray:
@@ -97,7 +111,7 @@ def write_preview(path: Path, inputs: Sequence[tuple[np.ndarray, str]], samples:
 def tile(image: np.ndarray, task: str, sample: ValidationSample) -> np.ndarray:
     """Draw one sample with its task below, (h + 16, w, 3) uint8."""
     picture = image.astype(np.float32)
-    for colour, region in zip((LEFT, RIGHT), sample.regions[0], strict=True):
+    for colour, region in zip((LEFT, RIGHT), sample.selected[0], strict=True):
         weight = OPACITY * region[..., None]
         picture = picture * (1 - weight) + np.array(colour, np.float32) * weight
     drawn = np.ascontiguousarray(picture.round().astype(np.uint8))
