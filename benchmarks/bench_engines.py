@@ -92,7 +92,7 @@ def row(hand: HandModel, tasks: list[Task], setting: Setting) -> str:
     found = (f"| {setting.engine} | {setting.device} | {setting.iterations} | {setting.processes} | {setting.worlds} | "
              f"{100 * goal:.0f} % | {np.median(depths):.2f} / {np.percentile(depths, 95):.2f} | {share} "
              f"| {physics * steps / cpu_s:.0f} | {steps / cpu_s:.0f} | {steps / clock_s:.0f} "
-             f"| {_learning(hand, tasks, setting):.0f} |")  # fmt: skip
+             f"| {learning(hand, tasks, setting):.0f} |")  # fmt: skip
     print(found, flush=True)
     return found
 
@@ -140,7 +140,7 @@ def _rollouts(core: GraspWorlds, n: int, solver: SolverClock) -> tuple[float, fl
     return cpu_s, clock_s, float(np.mean(at_goal)), found[~np.isnan(found)]
 
 
-def _learning(hand: HandModel, tasks: list[Task], setting: Setting) -> float:
+def learning(hand: HandModel, tasks: list[Task], setting: Setting) -> float:
     """Return the control steps per CPU second of PPO with updates, without the first update; per second on a GPU."""
     envs = AffordanceGraspVector(setting.worlds, hand, tasks, **vars(setting.config()))
     config, clock = ppo.PPOConfig(updates=2), list[float]()

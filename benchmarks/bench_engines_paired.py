@@ -1,16 +1,19 @@
 """Compare success of the shipped teacher in MuJoCo and in mujoco-warp from the same starts; writes benchmarks/engines_paired.md.
 
-    PYTHONPATH=. python benchmarks/bench_engines_paired.py [--starts 256] [--device cpu]
+    PYTHONPATH=. python benchmarks/bench_engines_paired.py [--starts 256] [--device cpu] [--processes 1]
 
 A start is an object, its place and yaw, and the place of the hand, all drawn from the seed; both engines get the same. Physics are
-those of evaluations (100 iterations, 480 Hz). Needs the extra `gpu`; on a CPU the first run compiles kernels for minutes.
+those of evaluations (100 iterations, 480 Hz). A second run of MuJoCo, with fewer worlds at once, says what a batch size alone
+changes: the policy's floats are rounded otherwise. Needs the extra `gpu`; on a CPU the first run compiles kernels for minutes.
 """
 
 from __future__ import annotations
 
 import argparse
 import time
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -34,7 +37,7 @@ from stages.grasping import grasp_tasks
 PAGE = ROOT / "benchmarks" / "engines_paired.md"
 TOOLS = ("screwdriver", "knife", "spatula", "chisel")
 """categories of the procedural tools"""
-AT_ONCE, SEED, RESAMPLES = 64, 20271, 10_000
+AT_ONCE, FEWER, SEED, RESAMPLES = 64, 16, 20271, 10_000
 FIGURES = ("success", "held")
 
 
@@ -43,10 +46,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--starts", type=int, default=256)
     parser.add_argument("--device", default="cpu")
+    parser.add_argument("--processes", type=int, default=1, help="runs side by side")
     args = parser.parse_args()
-    rounds = -(-args.starts // AT_ONCE)
     tasks = [grasp_task(category) for category in TOOLS]
-    found = {engine: play(engine, tasks, rounds, device) for engine, device in (("mujoco", "cpu"), ("warp", args.device))}
+    with ProcessPoolExecutor(args.processes, get_context("spawn")) as pool:
+        runs = {name: pool.submit(play, engine, tasks, args.starts, device, at_once) for name, (engine, device, at_once) in
+                {"warp": ("warp", args.device, AT_ONCE), "MuJoCo": ("mujoco", "cpu", AT_ONCE),
+                 f"MuJoCo, {FEWER} at once": ("mujoco", "cpu", FEWER)}.items()}  # fmt: skip
+        found = {name: run.result() for name, run in runs.items()}
     PAGE.write_text("\n".join(page(found, args.device)))
 
 
@@ -56,18 +63,19 @@ def grasp_task(category: str) -> Task:
     return from_grasp_task(grasp_tasks.run(spec, tool(category).body, grasp_tasks.Params(within_m=1.0))[0])
 
 
-def play(engine: str, tasks: list[Task], rounds: int, device: str) -> dict[str, np.ndarray]:
+def play(engine: str, tasks: list[Task], starts: int, device: str, at_once: int) -> dict[str, np.ndarray]:
     """Play the shipped teacher: its figures (n,) by name, and the numbers `diverged` and `seconds`."""
     policy = load_policy(tree("teacher", ROOT / "weights" / "grasp-teacher"), {})
     config = replace(policy.config(engine, STRICT, "flat", 0.0), device=device)
     out, began = list[dict[str, np.ndarray]](), time.perf_counter()
     with TemporaryDirectory() as scratch:
         recorder = FlightRecorder(Path(scratch), engine, SEED)
-        worlds = GraspWorlds(default.hand(), [tasks[k % len(tasks)] for k in range(AT_ONCE)], config, recorder)
-        for number in range(rounds):
-            rngs = [np.random.default_rng([SEED, number, k]) for k in range(AT_ONCE)]
+        worlds = GraspWorlds(default.hand(), [tasks[k % len(tasks)] for k in range(at_once)], config, recorder)
+        for first in range(0, starts, at_once):
+            rngs = [np.random.default_rng([SEED, *divmod(k, AT_ONCE)]) for k in range(first, first + at_once)]
             out.append(rollout(worlds, policy.actor(worlds), rngs).report)
-            print(engine, number, {name: out[-1][name].mean() for name in FIGURES}, round(time.perf_counter() - began), flush=True)
+            means = {name: out[-1][name].mean() for name in FIGURES}
+            print(engine, at_once, first, means, round(time.perf_counter() - began), flush=True)
         worlds.close()
     spent = {"diverged": np.array(recorder.count), "seconds": np.array(time.perf_counter() - began)}
     return {name: np.concatenate([row[name] for row in out]) for name in out[0]} | spent
@@ -75,26 +83,29 @@ def play(engine: str, tasks: list[Task], rounds: int, device: str) -> dict[str, 
 
 def page(found: dict[str, dict[str, np.ndarray]], device: str) -> list[str]:
     """Lines of the page."""
-    one, two = found["mujoco"], found["warp"]
-    count = len(one["success"])
+    one = found["MuJoCo"]
+    others = {name: run for name, run in found.items() if name != "MuJoCo"}
+    starts = f"{len(one['success'])} paired starts ({', '.join(TOOLS)})"
     lines = ["# MuJoCo beside mujoco-warp", "", "Written by `benchmarks/bench_engines_paired.py`. The shipped teacher from",
-             f"{count} paired starts ({', '.join(TOOLS)}), strict physics, {AT_ONCE} worlds at once, warp on {device}.", "",
-             "| figure | MuJoCo | warp | warp - MuJoCo | only MuJoCo | only warp | McNemar, exact p |",
-             "|---|---|---|---|--:|--:|--:|"]  # fmt: skip
-    lines += [row(name, one[name] > 0, two[name] > 0) for name in FIGURES]
-    differs = "contains 0" if zero_inside(one["success"], two["success"]) else "does not contain 0"
+             f"{starts}, strict physics, {AT_ONCE} worlds at once, warp on {device}.", "",
+             "| figure | MuJoCo | beside | rate | beside - MuJoCo | only MuJoCo | only beside | McNemar, exact p |",
+             "|---|---|---|---|---|--:|--:|--:|"]  # fmt: skip
+    lines += [row(figure, name, one[figure] > 0, two[figure] > 0) for name, two in others.items() for figure in FIGURES]
+    differ = [name for name, two in others.items() if not zero_inside(one["success"], two["success"])]
+    diverged = ", ".join(f"{name} {int(run['diverged'])}" for name, run in found.items())
+    spent = ", ".join(f"{name} {run['seconds']:.0f} s" for name, run in found.items())
     return [*lines, "", "Rates have Wilson's intervals, differences the bootstrap's over pairs (95 %). The interval of the",
-            f"difference of Succ {differs}. Diverged worlds: {int(one['diverged'])} in MuJoCo, {int(two['diverged'])} in warp.",
-            f"Wall time: {one['seconds']:.0f} s and {two['seconds']:.0f} s, kernels included.", ""]
+            f"difference of Succ does not contain 0 for: {', '.join(differ) or 'none'}. Diverged worlds: {diverged}.",
+            f"Wall time, side by side, kernels included: {spent}.", ""]
 
 
-def row(name: str, one: np.ndarray, two: np.ndarray) -> str:
+def row(name: str, other: str, one: np.ndarray, two: np.ndarray) -> str:
     """Row of one figure, (n,) bool in both engines."""
     low, high = difference(one, two)
     first, second = int((one & ~two).sum()), int((two & ~one).sum())
     p = binomtest(first, first + second).pvalue if first + second else 1.0
     between = f"{two.mean() - one.mean():+.3f} [{low:+.3f}, {high:+.3f}]"
-    return f"| {name} | {rate(one)} | {rate(two)} | {between} | {first} | {second} | {p:.2f} |"
+    return f"| {name} | {rate(one)} | {other} | {rate(two)} | {between} | {first} | {second} | {p:.2f} |"
 
 
 def rate(found: np.ndarray) -> str:

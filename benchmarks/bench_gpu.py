@@ -18,12 +18,15 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
 from safetensors.torch import save_file
 from torch import nn
+
+if TYPE_CHECKING:
+    from afford.twohands.train.job import TwoHandsJob
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE, FIGURES = ROOT / "benchmarks" / "gpu.md", ROOT / "benchmarks" / "gpu.json"
@@ -182,6 +185,76 @@ def lora(args: argparse.Namespace) -> Figures:
     return {"7B: one LoRA step, 2 samples, bfloat16, checkpointed": f"{took:.2f} s, {peak_gib()}, {count / 1e6:.0f} M trained"}
 
 
+def frozen(args: argparse.Namespace) -> Figures:
+    """One step of the paper's recipe for the 7B model, frozen weights kept in bfloat16, beside the planned memory."""
+    from afford.twohands.train.memory_plan import plan_training
+    from benchmarks.bench_memory_plan import GIB, published_config, published_job
+
+    out: Figures = {}
+    for count in (1, 2):
+        with TemporaryDirectory(dir=args.scratch) as scratch:
+            job = published_job(published_config(Path(scratch), "7b"), "bfloat16", count)
+            planned = plan_training(job).needed / GIB
+            took = frozen_step_s(job)
+        out[f"7B: one step of the paper's recipe, frozen weights in bfloat16, batch {count}"] = (
+            f"{took:.2f} s, {peak_gib()}; planned {planned:.1f} GiB")
+    return out
+
+
+def frozen_step_s(job: TwoHandsJob) -> float:
+    """Seconds of a step of a job with frozen weights of another type, random weights."""
+    from afford.models.loading import dtype_of
+    from afford.training.loop import autocast
+    from afford.twohands.model.frozen_weights import store_frozen
+    from afford.twohands.model.interface import Batch, Target, build
+    from afford.twohands.model.large import compute_buffers
+    from afford.twohands.model.losses import losses
+
+    with torch.device("meta"):
+        model = build(job.config, 0, pretrained=False)
+    model = on_device(model, torch.bfloat16)
+    compute_buffers(model)
+    store_frozen(model.to("cuda"), dtype_of(job.frozen_dtype))
+    model.train().get_submodule("vlm").gradient_checkpointing_enable({"use_reentrant": False})
+    optimiser = torch.optim.AdamW([parameter for parameter in model.parameters() if parameter.requires_grad], lr=1e-5)
+    count, side = job.batch, job.config.size_px[0]
+    batch = Batch(torch.rand(count, 3, side, side, device="cuda"), ("pour tea",) * count)
+    masks = torch.zeros(count, 2, side, side, device="cuda")
+    masks[:, :, 300:600, 300:600] = 1
+    target = Target(masks, torch.ones(count, 2, dtype=torch.bool, device="cuda"), torch.full((count,), 2, device="cuda"))
+
+    def step() -> None:
+        with autocast("cuda", job.plan.bf16):
+            total = losses(model(batch), target, job.loss)["total"]
+        total.backward()
+        optimiser.step()
+        optimiser.zero_grad()
+
+    torch.cuda.empty_cache()
+    torch.cuda.reset_peak_memory_stats()
+    return seconds(step, 3)
+
+
+def memory(args: argparse.Namespace) -> Figures:
+    """Planned and measured memory of a random model of 306 M parameters, predictions and trainings."""
+    from afford.twohands.model.memory_plan import process_bytes
+    from benchmarks.bench_memory_plan import GIB, TYPES, on_gpu
+
+    torch.rand(64, 64, device="cuda") @ torch.rand(64, 64, device="cuda")
+    free, whole = torch.cuda.mem_get_info()
+    out = {"process without a model": ratio(process_bytes("cuda") / GIB, (whole - free) / GIB)}
+    for dtype in TYPES:
+        with TemporaryDirectory(dir=args.scratch) as scratch:
+            for kind, planned, found in on_gpu(Path(scratch), dtype):
+                out[f"306 M model, {kind}, {dtype}"] = ratio(planned / GIB, found / GIB)
+    return out
+
+
+def ratio(planned_gib: float, measured_gib: float) -> str:
+    """Planned and measured memory."""
+    return f"planned {planned_gib:.2f} / measured {measured_gib:.2f} GiB = {planned_gib / measured_gib:.2f}"
+
+
 def sor3d(args: argparse.Namespace) -> Figures:
     """SOR3D-AFF at the paper's width; 22 ms a mask are published."""
     from afford.rgbd.model.config import VARIANTS
@@ -197,23 +270,39 @@ def sor3d(args: argparse.Namespace) -> Figures:
 
 
 def warp(args: argparse.Namespace) -> Figures:
-    """Physics of the Shadow hand and a tool in mujoco-warp; 252,938 FPS are published for 8,192 worlds on one L40."""
+    """The Shadow hand and a tool in mujoco-warp, observed; 252,938 FPS are published for 8,192 worlds on one L40.
+
+    A control step is 1/20 s of one world, a physics step 1/240 s.
+    """
     from afford.grasping.env.grasp_worlds import GraspWorlds
     from afford.grasping.hand.assets import shadow_files
-    from benchmarks.bench_engines import Setting
+    from benchmarks.bench_engines import Setting, learning
     from benchmarks.bench_grasp_env import TOOLS, tool
     from stages.grasping import hand_model
 
     hand, task, out = hand_model.run(shadow_files(), hand_model.Params()), tool(next(iter(TOOLS))), Figures()
     for worlds in (4096, 8192):
-        core = GraspWorlds(hand, [task] * worlds, Setting("warp", 50, 1, worlds, "cuda").config())
+        setting = Setting("warp", 50, 1, worlds, "cuda")
+        core = GraspWorlds(hand, [task] * worlds, setting.config())
         rngs = [np.random.default_rng(k) for k in range(worlds)]
         core.reset(range(worlds), rngs)
         action = np.zeros((worlds, core.motors))
-        took = seconds(partial(core.step, action, rngs), 20)
-        out[f"mujoco-warp, {worlds:,} worlds"] = f"{worlds / took:,.0f} control steps of 50 ms a second"
+        solver = seconds(partial(advance, core.worlds), 10)
+        took = seconds(lambda core=core, action=action, rngs=rngs: (core.step(action, rngs), core.observe()), 10)
         core.close()
+        name = f"mujoco-warp, Shadow hand and a tool, {worlds:,} worlds"
+        out |= {f"{name}: physics steps": f"{12 * worlds / solver:,.0f} a second in the solver, {12 * worlds / took:,.0f} in all",
+                f"{name}: control steps": f"{worlds / took:,.0f} a second",
+                f"{name}: control steps, PPO learning": f"{learning(hand, [task], setting):,.0f} a second"}  # fmt: skip
+        print(out, flush=True)
     return out
+
+
+def advance(worlds: Any) -> None:
+    """Run the solver for a control step."""
+    for group in worlds._groups:
+        with group._warp.ScopedDevice(group._device):
+            group._advance(12)
 
 
 def decode(args: argparse.Namespace) -> Figures:
@@ -253,7 +342,8 @@ def decode(args: argparse.Namespace) -> Figures:
 
 PARTS: dict[str, tuple[Callable[[argparse.Namespace], Figures], tuple[str, ...]]] = {
     "sam2": (sam2, ("transformers",)), "vidm": (vidm, ("diffusers",)), "vlm-7b": (vlm("7b"), ("transformers", "peft")),
-    "vlm-13b": (vlm("13b"), ("transformers", "peft")), "lora": (lora, ("peft",)), "sor3d": (sor3d, ()),
+    "vlm-13b": (vlm("13b"), ("transformers", "peft")), "lora": (lora, ("peft",)),
+    "frozen": (frozen, ("peft",)), "memory": (memory, ("transformers", "peft")), "sor3d": (sor3d, ()),
     "warp": (warp, ("mujoco", "mujoco_warp", "warp")), "decode": (decode, ("pyarrow",))}  # fmt: skip
 """part -> measurement, packages that it needs"""
 

@@ -10,11 +10,13 @@ planned only, beside the figures of benchmarks/gpu.md.
 from __future__ import annotations
 
 import argparse
+import gc
 import json
 import re
 import subprocess
 import sys
 import time
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -29,9 +31,10 @@ from afford.models.tokens import HashedTokens
 from afford.twohands.model.interface import Batch, ModelConfig, Target, build
 from afford.twohands.model.large import plan_folder
 from afford.twohands.model.losses import LossParams, losses
-from afford.twohands.model.memory_plan import GIB, LIBRARIES, MemoryPlan, plan_prediction, trained_bytes
+from afford.twohands.model.memory_plan import GIB, LIBRARIES, WORKSPACE, plan_prediction, trained_bytes
 from afford.twohands.model.model_folder import read_config, save_model
 from afford.twohands.model.predictor import Predictor
+from afford.twohands.train.job import TwoHandsJob
 from afford.twohands.train.memory_plan import plan_training
 from benchmarks.bench_gpu import FIGURES
 from benchmarks.bench_weights_import import anonymous_mib
@@ -117,8 +120,8 @@ def mapped_gib(process: int) -> float:
     return sum(int(part["Rss"]) - int(part["Anonymous"]) for part in parts) / (1 << 20)
 
 
-def small_rows(scratch: Path) -> list[str]:
-    """Rows of the random model: planned, measured, ratio."""
+def write_set(scratch: Path) -> Path:
+    """Write a data set of random pictures."""
     clips = tuple(clip(f"P01_0{n}", count, split=split, height=SIDE, width=SIDE)
                   for n, (split, count) in enumerate(SAMPLES.items()))  # fmt: skip
     (scratch / "packed").mkdir()
@@ -126,6 +129,12 @@ def small_rows(scratch: Path) -> list[str]:
     for file in packed.files:
         (scratch / "set" / file.name).parent.mkdir(parents=True, exist_ok=True)
         (scratch / "set" / file.name).write_bytes(file.path.read_bytes())
+    return scratch / "set"
+
+
+def small_rows(scratch: Path) -> list[str]:
+    """Rows of the random model: planned, measured, ratio."""
+    write_set(scratch)
     rows = [f"| libraries | | {LIBRARIES / GIB:.2f} | {(found := measured('libraries', scratch, '')):.2f} "
             f"| {LIBRARIES / GIB / found:.2f} |"]  # fmt: skip
     for dtype in TYPES:
@@ -178,16 +187,39 @@ def published_rows(scratch: Path) -> list[str]:
     rows.append(row("7B: one LoRA step, all in bfloat16", lora_step(published_config(scratch, "7b")), figures.get(key, "")))
     for size in ("7b", "13b"):
         for dtype, batch in (("float32", 2), ("bfloat16", 2), ("bfloat16", 1)):
-            plan = published_training(published_config(scratch, size), dtype, batch)
+            plan = plan_training(published_job(published_config(scratch, size), dtype, batch))
             rows.append(row(f"{size.upper()}: train, frozen weights in {dtype}, batch {batch}", plan.needed, ""))
             print(rows[-1], plan.parts(), flush=True)
     return rows
 
 
-def published_training(config: ModelConfig, dtype: str, batch: int) -> MemoryPlan:
-    """Plan of the paper's recipe on a GPU."""
-    params = replace(model_train.VLM, backbones=config.backbones, frozen_dtype=dtype, batch=batch, device="cuda")
-    return plan_training(model_train._job(params))
+def published_job(config: ModelConfig, dtype: str, batch: int) -> TwoHandsJob:
+    """Job of the paper's recipe on a GPU."""
+    return model_train._job(replace(model_train.VLM, backbones=config.backbones, frozen_dtype=dtype, batch=batch, device="cuda"))
+
+
+def on_gpu(scratch: Path, dtype: str) -> Iterator[tuple[str, int, int]]:
+    """Kind of a run, and its planned and its measured bytes of torch on a GPU, of the random model."""
+    from afford.training.train import train_job
+
+    data, folder = write_set(scratch), write_small(scratch / dtype, getattr(torch, dtype))
+    planned = plan_folder(folder / "model", read_config(folder / "model"), "", "cuda", 1).needed + WORKSPACE
+    yield "predict", planned, most_on_gpu(lambda: Predictor(folder / "model", "cuda").predict(
+        np.zeros((SIDE, SIDE, 3), np.uint8), "pour tea from the kettle"))  # fmt: skip
+    for kind, checkpointing in KINDS.items():
+        job = model_train._job(replace(settings(folder, dtype, checkpointing), device="cuda"))
+        (scratch / kind).mkdir()
+        yield kind, plan_training(job, SAMPLES["train"], SAMPLES["val"]).needed + WORKSPACE, most_on_gpu(
+            lambda job=job, kind=kind: train_job(job, tree("set", data), "vlm", Scratch(scratch / kind), 1))
+
+
+def most_on_gpu(work: Callable[[], object]) -> int:
+    """Largest memory in bytes that torch has on the GPU during a call."""
+    gc.collect()
+    torch.cuda.empty_cache()
+    torch.cuda.reset_peak_memory_stats()
+    work()
+    return torch.cuda.max_memory_allocated()
 
 
 def row(name: str, planned: int, figure: str) -> str:

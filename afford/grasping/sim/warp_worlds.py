@@ -28,6 +28,8 @@ EXTRA = "gpu"
 PACKAGES = ("warp", "mujoco_warp")
 CONTACTS, ROWS = 96, 320
 """capacity per world: contacts (shared by the worlds of a group) and constraint rows"""
+IN_ORDER = 256
+"""largest group of worlds whose sums are in a fixed order; the sort of more takes over 2 GiB, which warp cannot address"""
 MOVING = ("qpos", "qvel", "qacc_warmstart", "ctrl", "time")
 """fields that the next step depends on"""
 
@@ -124,7 +126,7 @@ class _Group:
         self.scene, self.parts, self._warp, self._mjw = scenes[0], parts, extra("warp", "gpu"), extra("mujoco_warp", "gpu")
         self._warp.config.quiet = True
         self._device = _device(self._warp, device)
-        models = [compiled(scene) for scene in scenes]
+        models = _compiled(scenes)
         self._at: Layout = layout(models[0], scenes[0])
         self._limits = scene_limits(self.scene)
         with self._warp.ScopedDevice(self._device):
@@ -243,6 +245,13 @@ class _Group:
                                "world, got more; raise CONTACTS and ROWS of afford/grasping/sim/warp_worlds.py")
 
 
+def _compiled(scenes: Sequence[Scene]) -> list[Any]:
+    """Compile the model of each scene; scenes with the same hand, body and physics share one."""
+    keys = [(id(scene.hand), id(scene.body), scene.physics, scene.wrist) for scene in scenes]
+    made = {key: compiled(scene) for key, scene in dict(zip(keys, scenes, strict=True)).items()}
+    return [made[key] for key in keys]
+
+
 def _checked(name: str, found: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
     out = np.asarray(found, np.float64)
     if out.shape != shape or not np.isfinite(out).all():
@@ -261,16 +270,18 @@ def _device(warp: Any, device: str) -> str:
 
 def _model(mjw: Any, models: Sequence[Any]) -> Any:
     """Build one model for all worlds, with one row per world for every field in which they differ."""
-    first = models[0]
+    first, others = models[0], {id(model): model for model in models[1:]}.values()
     batched = [f.name for f in fields(mjw.Model) if getattr(f.type, "shape", ())[:1] == ("*",) and hasattr(first, f.name)]
-    varied = [name for name in batched if any(not np.array_equal(getattr(first, name), getattr(m, name)) for m in models)]
+    varied = [name for name in batched if any(not np.array_equal(getattr(first, name), getattr(m, name)) for m in others)]
     try:
         model = mjw.put_model(first, batch_sizes=dict.fromkeys(varied, len(models)))
     except NotImplementedError as error:
         raise ValueError(f"mujoco-warp: expected a scene that it can compute, got one with {error}; use mujoco") from error
     for name in varied:
         getattr(model, name).assign(np.stack([getattr(m, name) for m in models]).astype(np.float32))
-    model.opt.deterministic, model.opt.warn_overflow = int(mjw.DeterminismType.ALL), 0
+    if len(models) <= IN_ORDER:
+        model.opt.deterministic = int(mjw.DeterminismType.ALL)
+    model.opt.warn_overflow = 0
     return model
 
 

@@ -20,9 +20,9 @@ from afford.twohands.model.interface import Batch
 from afford.twohands.model.vlm import LONGEST_ANSWER, Dialogue, Vlm
 
 GIB = 1 << 30
-LIBRARIES, CONTEXT = 450 << 20, 600 << 20
-"""bytes of a process besides its model: anonymous memory of Python with its libraries, and on a GPU the
-context of CUDA with the workspace of its matrix products, an allowance that is not measured here"""
+LIBRARIES, CONTEXT, WORKSPACE = 450 << 20, 536 << 20, 64 << 20
+"""bytes of a process besides its model: anonymous memory of Python with its libraries; on a GPU the context of CUDA, and what torch
+keeps there for matrix products"""
 LARGE = 50_000_000
 """parameters from which a model is planned before it is loaded; smaller ones fit wherever this project runs"""
 TASK = "pour tea from the kettle into the small cup with the handle"
@@ -96,7 +96,7 @@ def is_large(model: nn.Module) -> bool:
 
 def process_bytes(device: str) -> int:
     """Bytes that a process takes on its device before it has a model."""
-    return LIBRARIES if torch.device(device).type == "cpu" else CONTEXT
+    return LIBRARIES if torch.device(device).type == "cpu" else CONTEXT + WORKSPACE
 
 
 def check_room(plan: MemoryPlan, device: str, where: str, remedies: Sequence[tuple[str, Callable[[], MemoryPlan]]]) -> None:
