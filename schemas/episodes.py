@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from schemas.files import FileTree
-from schemas.spec import Schema, array, value
+from schemas.spec import Bundle, Schema, array, value
 
 if TYPE_CHECKING:
     import numpy as np
@@ -95,7 +95,7 @@ class TwoTasks(Schema):
 
 
 @dataclass(frozen=True)
-class TwoTasksShown(Schema):
+class TwoTasksShown(Bundle):
     """Two-task grasps with a picture; each field is an artifact of its own."""
 
     pairs: TwoTasks = value("all pairs")

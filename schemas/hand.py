@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from schemas.grasp import GraspObject
-from schemas.spec import Schema, array, value
+from schemas.spec import Bundle, Schema, array, value
 
 if TYPE_CHECKING:
     import numpy as np
@@ -184,7 +184,7 @@ class ReferenceSet(Schema):
 
 
 @dataclass(frozen=True)
-class MotionsRead(Schema):
+class MotionsRead(Bundle):
     """Output of recordings_read: the motions of a source, and a verdict on every recording that cannot be used."""
 
     report: RetargetReport = value("verdicts of unusable recordings; none is kept")
@@ -192,7 +192,7 @@ class MotionsRead(Schema):
 
 
 @dataclass(frozen=True)
-class GraspClips(Schema):
+class GraspClips(Bundle):
     """Output of human_motion: clips of recorded grasps, and a verdict on every motion that does not become one."""
 
     report: RetargetReport = value("verdicts of the motions that were left out; none is kept")
@@ -201,7 +201,7 @@ class GraspClips(Schema):
 
 
 @dataclass(frozen=True)
-class ProvenClips(Schema):
+class ProvenClips(Bundle):
     """Output of clip_proof: everything that a prior learns from."""
 
     references: ReferenceSet = value("clips that lift their object; the report has every verdict")

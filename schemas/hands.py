@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from schemas.hand import HandMotion
-from schemas.spec import Schema, array, value
+from schemas.spec import Bundle, Schema, array, value
 from schemas.video import Clip
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ class HandTracks(Schema):
 
 
 @dataclass(frozen=True)
-class DetectedHands(Schema):
+class DetectedHands(Bundle):
     """Output of hand_detect: the clip with key frames, and the two hands over time."""
 
     clip: Clip = value("clip with the detected key frames; its warnings end with those of the detection")
@@ -72,7 +72,7 @@ class MotionRemarks(Schema):
 
 
 @dataclass(frozen=True)
-class VideoMotions(Schema):
+class VideoMotions(Bundle):
     """Output of hand_motion: the motions of the hands of one clip."""
 
     remarks: MotionRemarks = value("what was left out, and why")

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from schemas.files import FileTree
-from schemas.spec import Schema, array, value
+from schemas.spec import Bundle, Schema, array, value
 
 if TYPE_CHECKING:
     import numpy as np
@@ -81,7 +81,7 @@ class InteractionTruth(Schema):
 
 
 @dataclass(frozen=True)
-class RenderedInteraction(Schema):
+class RenderedInteraction(Bundle):
     """Rendered sequence: sensor files that are read like recorded ones, and the ground truth."""
 
     files: FileTree = value("one sequence in the layout of SOR3D-AFF (docs/rgbd/interaction-data.md)")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from schemas.spec import Schema, array, value
+from schemas.spec import Bundle, Schema, array, value
 
 if TYPE_CHECKING:
     import numpy as np
@@ -44,7 +44,7 @@ class MeshParts(Schema):
 
 
 @dataclass(frozen=True)
-class PartedMesh(Schema):
+class PartedMesh(Bundle):
     """Mesh and its parts; each field is an artifact of its own."""
 
     mesh: ObjectMesh = value("its surface")
@@ -76,7 +76,7 @@ class MeshReport(Schema):
 
 
 @dataclass(frozen=True)
-class ReadMesh(Schema):
+class ReadMesh(Bundle):
     """Mesh from a file; each field is an artifact of its own."""
 
     mesh: ObjectMesh = value("its surface, in metres and repaired")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from schemas.files import FileTree
 from schemas.masks import Entity
-from schemas.spec import Schema, SchemaError, array, value
+from schemas.spec import Bundle, Schema, SchemaError, array, value
 from schemas.video import Narration
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ class StillSpec(Schema):
 
 
 @dataclass(frozen=True)
-class RenderedClip(Schema):
+class RenderedClip(Bundle):
     """Rendered video as files: an EPIC/VISOR root of one video, and its ground truth (see `ClipTruth`)."""
 
     files: FileTree = value("videos/, GroundTruth-SparseAnnotations/, EPIC_100_*.csv, as in an EPIC root")

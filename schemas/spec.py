@@ -57,6 +57,10 @@ class Schema:
                 _check_array(type(self).__name__, field.name, getattr(self, field.name), field.metadata, sizes)
 
 
+class Bundle(Schema):
+    """Base class of schemas whose fields are artifacts of their own, so that a stage may depend on one of them alone."""
+
+
 def _short(found: Any) -> str:
     """Return a readable form of a value: the shape of an array, the length of a long tuple, the name of a nested schema."""
     if hasattr(found, "dtype") and hasattr(found, "shape"):

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from schemas.files import FileTree
-from schemas.spec import Schema, array, value
+from schemas.spec import Bundle, Schema, array, value
 
 if TYPE_CHECKING:
     import numpy as np
@@ -50,7 +50,7 @@ class TrainingLog(Schema):
 
 
 @dataclass(frozen=True)
-class Trained(Schema):
+class Trained(Bundle):
     """Trained model and its log; each field is an artifact of its own."""
 
     files: FileTree = value("model/, card.md, history.parquet, tensorboard/, previews/")

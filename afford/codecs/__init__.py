@@ -6,9 +6,10 @@ import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
 
-from afford.codecs.kinds import BUNDLES, digest, encodings, kind_of, kinds, schema_version, shard_name
+from afford.codecs.kinds import digest, encodings, kind_of, kinds, schema_version, shard_name
 from afford.codecs.pools import DECODERS, ENCODERS
 from afford.codecs.structure import load, load_folder, save
+from schemas.spec import Bundle
 
 __all__ = ["CODEC", "SchemaCodec", "digest", "load", "load_folder", "save"]
 
@@ -20,7 +21,7 @@ class SchemaCodec:
         """Return the elements of a tuple by shard name, the fields of a bundle by name, or None for a plain schema."""
         if isinstance(value, tuple):
             return [(shard_name(item), item) for item in value]
-        if type(value).__name__ in BUNDLES:
+        if isinstance(value, Bundle):
             return [(f.name, getattr(value, f.name)) for f in dataclasses.fields(value)]  # type: ignore[arg-type]  # a dataclass
         return None
 

@@ -19,7 +19,7 @@ import numpy as np
 from blake3 import blake3
 
 from schemas.catalogue import SCHEMAS
-from schemas.spec import Schema
+from schemas.spec import Bundle, Schema
 
 
 class LazyTuple(Sequence[Any]):
@@ -91,10 +91,6 @@ def _hash_tagged(hasher: blake3, tag: str, data: bytes) -> None:
     hasher.update(f"{tag}:{len(data)}:".encode() + data)
 
 
-BUNDLES = ("DetectedHands", "GraspClips", "MotionsRead", "PartedMesh", "ProvenClips", "ReadMesh", "RenderedClip",
-           "RenderedInteraction", "Trained", "TwoTasksShown", "VideoMotions")
-"""schemas whose fields are artifacts of their own, so that a stage may depend on one of them alone"""
-
 LAZY_FIELDS = {"Samples": "samples"}
 """schema -> field with a long list of large elements, which loading leaves on disk (`LazyTuple`)"""
 
@@ -125,7 +121,7 @@ def shard_name(value: object) -> str:
     for attribute in ("clip_id", "name", "video_id"):
         if isinstance(label := getattr(value, attribute, None), str):
             return label
-    if type(value).__name__ in BUNDLES:
+    if isinstance(value, Bundle):
         return shard_name(getattr(value, dataclasses.fields(value)[0].name))  # type: ignore[arg-type]  # bundles are dataclasses
     raise TypeError(f"{type(value).__name__} has no clip_id, name or video_id to label it in a list")
 

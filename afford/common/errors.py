@@ -17,6 +17,17 @@ class SourceError(ValueError):
             where, expected, got = map(_cut, (where, expected, got))
         super().__init__(f"{where}: expected {expected}, got {got}; {fix}")
 
+    def __reduce__(self) -> tuple[object, ...]:
+        """Pickle as the sentence, for worker processes that return it."""
+        return _of_sentence, (str(self),)
+
+
+def _of_sentence(sentence: str) -> SourceError:
+    """Rebuild an error that another process raised."""
+    error = SourceError.__new__(SourceError, sentence)
+    error.args = (sentence,)
+    return error
+
 
 def _cut(part: str) -> str:
     """Remove the middle of a long text."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import pickle
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -134,3 +135,10 @@ def test_errors_are_short_sentences() -> None:
     """Check any content."""
     said = str(SourceError("one\ntwo", "a number", "9" * 5000, "correct it"))
     assert said.startswith("one two: expected a number, got 999") and len(said) < 300 and said.endswith("999; correct it")
+
+
+def test_errors_of_worker_processes_keep_their_sentence() -> None:
+    """Pickle an error and read it again."""
+    error = SourceError("one", "a number", "a word", "correct it")
+    copied = pickle.loads(pickle.dumps(error))
+    assert type(copied) is SourceError and str(copied) == str(error)
