@@ -75,14 +75,6 @@ def merged(parts: Sequence[Fingerprint]) -> Fingerprint:
                        set().union(*(part.third_party for part in parts)), set().union(*(part.files for part in parts)))
 
 
-def reachable_third_party(modules: Modules, function: str, select: Mapping[str, object] | None = None) -> set[str]:
-    """Top-level import names of all packages that a stage can reach, which its LIBRARIES must cover.
-
-    `select` restricts the backends; without it, every backend counts.
-    """
-    return fingerprint(modules, function, select or {}).third_party
-
-
 def changed(old: Mapping[str, str], new: Mapping[str, str]) -> list[str]:
     """Names of definitions that differ: '~m:f' changed, '+m:f' added, '-m:f' removed.
 

@@ -94,19 +94,13 @@ def fill(outlines: list[list[list[int]]], height: int, width: int) -> np.ndarray
     return plane.view(bool)
 
 
-def read(folder: Path) -> Iterator[dict[str, Any]]:
-    """Read the samples of one split: `image` (h, w, 3) RGB, `masks` (4, h, w) bool, `taxonomy` one-hot, words."""
-    for path in sorted((folder / "h5").glob("*.h5"), key=lambda path: first_row(path.name)):
-        yield from read_video(path, folder / "jsons" / f"{path.stem}.json")
-
-
 def first_row(name: str) -> int:
     """Return the running index of the first sample of `<start>-<end>_<video>.h5`."""
     return int(name.split("-")[0])
 
 
 def read_video(h5_path: Path, json_path: Path) -> Iterator[dict[str, Any]]:
-    """Read the samples of one video, in order."""
+    """Read the samples of one video, in order: `image` (h, w, 3) RGB, `masks` (4, h, w) bool, `taxonomy` one-hot, words."""
     outlines = json.loads(json_path.read_text(encoding="utf-8"))
     with h5py.File(h5_path) as file:
         for n in range(len(file["data/inpainted"])):

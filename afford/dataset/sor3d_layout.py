@@ -16,7 +16,6 @@ import numpy as np
 
 from afford.common.errors import SourceError
 from afford.common.folders import Entry, entries
-from afford.common.text import read_utf8
 from schemas.files import FileRef, FileTree
 from schemas.interaction import AFFORDANCES, BACKGROUND, COLOURS_BGR, InteractionClip
 
@@ -26,7 +25,6 @@ EXTRAS = 4
 MASK, SPOT = 0, 3
 DEPTH_MM = 1000.0
 CAMERA = "camera.json"
-VIEWS = "views_id.txt"
 
 
 class SequenceName(NamedTuple):
@@ -86,24 +84,6 @@ def entry_tree(name: str, kept: Iterable[Entry], digest: Digest) -> FileTree:
             raise SourceError(entry.name, "a file below the root", "a link that leaves it", "copy the file there")
         refs.append(FileRef(entry.name, digest(entry.path), entry.path.stat().st_size, entry.path))
     return FileTree(name, tuple(sorted(refs, key=lambda ref: ref.name)))
-
-
-def read_views(root: Path) -> dict[str, int]:
-    """Read the camera (1 to 3) of each person from views_id.txt, where present.
-
-    Raises SourceError for a line that is not `SubjectN<tab>1..3`.
-    """
-    path = root / VIEWS
-    if not path.is_file():
-        return {}
-    out = {}
-    for number, line in enumerate(read_utf8(path, VIEWS).splitlines(), 1):
-        subject, _, view = line.partition("\t")
-        if line and view.strip() not in ("1", "2", "3"):
-            raise SourceError(f"{VIEWS}, line {number}", "SubjectN, a tab, and 1, 2 or 3", repr(line), "correct the line")
-        if line:
-            out[subject] = int(view)
-    return out
 
 
 def colour_label(label: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from runner.fingerprint import reachable_third_party
+from runner.fingerprint import fingerprint
 from runner.modules import Modules
 from runner.selection import declarations, registries_of
 from tests.helpers.stage_files import MODULES
@@ -32,7 +32,7 @@ def distributions() -> dict[str, list[str]]:
 def test_libraries_are_complete(stage: str, modules: Modules, distributions: dict[str, list[str]]) -> None:
     """LIBRARIES hold for every backend; import names are mapped to distribution names."""
     declared = set(declarations(modules, MODULES[stage])["LIBRARIES"])
-    reached = reachable_third_party(modules, f"{MODULES[stage]}:run")
+    reached = fingerprint(modules, f"{MODULES[stage]}:run", {}).third_party
     missing = {name for name in reached if not declared & set(distributions.get(name, [name]))}
     assert not missing, f"stages/{stage}.py reaches {sorted(missing)}; name their distributions in LIBRARIES"
 
@@ -44,6 +44,6 @@ def test_libraries_of_each_backend_are_complete(modules: Modules, distributions:
             by_backend = f"{field.upper()}_LIBRARIES" in modules.get(stage).literals  # type: ignore[union-attr]  # a module of ours
             for entry in entries if by_backend else ():
                 declared = set(declarations(modules, stage, {field: entry})["LIBRARIES"])
-                reached = reachable_third_party(modules, f"{stage}:run", {field: entry})
+                reached = fingerprint(modules, f"{stage}:run", {field: entry}).third_party
                 missing = {name for name in reached if not declared & set(distributions.get(name, [name]))}
                 assert not missing, f"{stage} with {field}={entry} reaches {sorted(missing)}; declare them"

@@ -52,7 +52,9 @@ def test_2hands_gives_masks_without_holes_back(root, tmp_path):
     """Exact but for holes, which outer contours cannot say; words, taxonomy and picture are kept."""
     export_2hands.export(root, tmp_path)
     items = list(load.Dataset(root, "train"))
-    for got, sample, item in zip(export_2hands.read(tmp_path / "train"), samples("train"), items, strict=True):
+    videos = [tmp_path / "train" / "h5" / name for name in ("0-5_P01_01.h5", "6-10_P01_02.h5")]
+    read = (got for h5 in videos for got in export_2hands.read_video(h5, h5.parents[1] / "jsons" / f"{h5.stem}.json"))
+    for got, sample, item in zip(read, samples("train"), items, strict=True):
         for found, mask in zip(got["masks"], sample.masks, strict=True):
             assert np.array_equal(found, binary_fill_holes(mask))
         assert got["taxonomy"].tolist() == np.eye(4, dtype=int)[sample.taxonomy].tolist()

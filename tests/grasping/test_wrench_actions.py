@@ -11,12 +11,12 @@ from scipy.spatial.transform import Rotation
 
 from afford.grasping.env.actions import (
     FORCE_N,
+    TORQUE_NM,
     WRENCH_CONTROL_S,
-    WRENCH_STEPS,
-    action_for,
     hinges,
     script_steps,
     scripted,
+    turned,
     wrench_command,
     wrench_table,
 )
@@ -43,6 +43,14 @@ PULL_NM_RAD, HOLD_NM_S_RAD = 6.0, 0.3
 """of the hinges"""
 
 
+def action_for(efforts: np.ndarray, fingers: np.ndarray, q_wrist: np.ndarray, yaw: np.ndarray) -> np.ndarray:
+    """(n, m) actions of efforts (n, 6) on the gantry and targets (n, m - 6) of the fingers; the inverse of wrench_command."""
+    torque = np.linalg.solve(hinges(q_wrist), efforts[:, 3:, None])[..., 0]
+    low, high = LIMITS[6:].T
+    parts = (turned(efforts[:, :3], -yaw) / FORCE_N, turned(torque, -yaw) / TORQUE_NM, (2 * fingers - low - high) / (high - low))
+    return np.concatenate(parts, axis=1).clip(-1, 1)
+
+
 class SpringScript:
     """Scripted grasp by wrenches: springs pull the wrist along the path of the script."""
 
@@ -60,7 +68,7 @@ class SpringScript:
         error = wanted[:, :6] - q[:, :6]
         pull, drag = np.repeat([PULL_N_M, PULL_NM_RAD], 3), np.repeat([HOLD_N_S_M, HOLD_NM_S_RAD], 3)
         efforts = pull * error + drag * speed[:, :6]
-        return action_for(efforts, wanted[:, 6:], q[:, :6], now.episode.yaw, command_limits(now.scenes[0].hand.joints))
+        return action_for(efforts, wanted[:, 6:], q[:, :6], now.episode.yaw)
 
 
 def _at(path: np.ndarray, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -128,7 +136,7 @@ def test_engines_agree_on_wrenches() -> None:
     assert np.abs(found[0].q[:6]).max() > 0.02 and np.allclose(found[0].torque[:6], found[1].torque[:6])
 
 
-def test_action_for_inverts_wrench_command() -> None:
+def test_wrench_command_is_a_force_and_a_torque_on_the_palm() -> None:
     """Hinges are the axes of the palm's rotation; forces are along the frame."""
     rng = np.random.default_rng(0)
     q, yaw, action = rng.uniform(-0.8, 0.8, (5, 6)), rng.uniform(-3, 3, 5), rng.uniform(-1, 1, (5, 24))
@@ -139,7 +147,7 @@ def test_action_for_inverts_wrench_command() -> None:
         turns = Rotation.from_euler("ZYX", moved[:, 3:]) * Rotation.from_euler("ZYX", q[:, 3:]).inv()
         assert np.allclose(turns.as_rotvec() / small, axes[:, k], atol=1e-5)
     u = wrench_command(action, q, yaw, LIMITS)
-    assert np.allclose(action_for(u[:, :6], u[:, 6:], q, yaw, LIMITS), action)
+    assert np.allclose(action_for(u[:, :6], u[:, 6:], q, yaw), action)
     assert np.allclose(to_frame(u[:, :3], yaw), FORCE_N * action[:, :3])
     assert ((u[:, 6:] >= LIMITS[6:, 0] - 1e-12) & (u[:, 6:] <= LIMITS[6:, 1] + 1e-12)).all()
     assert np.allclose(wrench_table(LIMITS)[6:, 0], np.ptp(LIMITS[6:], axis=1) / 2)
@@ -149,7 +157,7 @@ def test_action_for_inverts_wrench_command() -> None:
 def test_scripted_wrenches_succeed(engine: str) -> None:
     """Three objects, strict physics, 200 steps at 60 Hz: two or more reach the goal, so the reward is attainable."""
     tasks = [held_by_handle(), held_by_handle("screwdriver"), held_by_handle("knife", 3)]
-    core = GraspWorlds(shadow(), tasks, GraspEnvConfig(engine=engine, physics=STRICT, action_mode="paper", steps=WRENCH_STEPS))
+    core = GraspWorlds(shadow(), tasks, GraspEnvConfig(engine=engine, physics=STRICT, action_mode="paper", steps=200))
     played = rollout(core, SpringScript(), [np.random.default_rng(k) for k in range(3)])
     assert played.report["success"].sum() >= 2 and played.report["held"].sum() >= 2
     assert played.rate_hz == pytest.approx(60) and played.q.shape[1] == 201 and np.abs(played.action).max() <= 1

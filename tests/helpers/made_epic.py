@@ -10,7 +10,12 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import cv2
+import numpy as np
 
+from afford.extraction.sources.outlines import rasterise
+from afford.extraction.sources.rows import outlines
+from afford.synthetic.kitchens.epic_files import GRID_WH
+from schemas.video import Annotation
 from tests.helpers.tiny_root import image, picture, row, write_points, write_rows
 
 VIDEO = "P03_101"
@@ -20,6 +25,12 @@ FPS = 50
 def jpeg(shade: int = 1) -> bytes:
     """A small picture."""
     return bytes(cv2.imencode(".jpg", picture(shade))[1])
+
+
+def drawn(segments: list[list[list[float]]], width_px: int, height_px: int) -> np.ndarray:
+    """(height_px, width_px) bool, polygons of VISOR's JSON as the reader of sources draws them."""
+    read = Annotation("", "", -1, "", "", "y", outlines(segments, "row"))
+    return rasterise(read, *GRID_WH, width_px, height_px)
 
 
 def write_tables(root: Path, videos: Sequence[str] = (VIDEO,), frames: int = 40, keys: Iterable[int] = (1, 16, 31)) -> Path:

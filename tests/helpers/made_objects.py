@@ -7,11 +7,12 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
+from scipy.interpolate import RegularGridInterpolator
 
 from afford.surface.score.samples import part_targets
 from maps.settings import Settings
 from schemas.mesh import MeshParts, ObjectMesh, ObjectSpec, ObjectViews
-from schemas.surface import NegativeAffordances, PartCandidates, PartDescriptions, PartLessons, PartScores
+from schemas.surface import DistanceField, NegativeAffordances, PartCandidates, PartDescriptions, PartLessons, PartScores
 from stages.surface import mask_propose, negative_affordance_projection, part_describe, part_lessons, view_render
 from stages.synthetic import object_build
 from tests.helpers.blocks import changed
@@ -52,6 +53,12 @@ def looked(category: str = "screwdriver", seed: int = 3, split: str = "train") -
     views = view_render.run(built.mesh, VIEWS)
     found = mask_propose.run(built.mesh, views, changed(mask_propose.Params(), least_px=12))
     return Looked(spec, built.mesh, built.parts, views, found, part_describe.run(built.mesh, views, part_describe.Params()))
+
+
+def between_nodes(grid: DistanceField) -> RegularGridInterpolator:
+    """Trilinear interpolation of a distance field: points (n, 3) -> (n,) m."""
+    axes = [grid.origin[k] + grid.spacing_m * np.arange(count) for k, count in enumerate(grid.distance_m.shape)]
+    return RegularGridInterpolator(axes, grid.distance_m)
 
 
 def true_scores(x: Looked, masks: PartCandidates | None = None) -> PartScores:

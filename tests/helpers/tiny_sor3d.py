@@ -12,6 +12,7 @@ import numpy as np
 from afford.rgbd.model import checkpoint
 from afford.rgbd.model.config import Sor3dConfig, row
 from afford.rgbd.model.model import build
+from afford.rgbd.model.model_inputs import ModelInput
 
 SIZE = 32
 CONFIG = Sor3dConfig(widths=(4, 4, 4, 8), size_px=SIZE)
@@ -33,6 +34,11 @@ def frames(count: int = 4, height: int = 40, width: int = 56) -> tuple[np.ndarra
         rgb[t, 12:26, 14 + 2 * t : 28 + 2 * t] = (220, 200, 40)
         depth[t, 12:26, 14 + 2 * t : 28 + 2 * t] = 0.8
     return rgb, depth
+
+
+def last_frame(seen: ModelInput) -> ModelInput:
+    """Last frame as a picture without motion."""
+    return ModelInput(seen.rgb[-1:], seen.depth_m[-1:], seen.flow[:0], seen.still)
 
 
 def write_frames(root: Path, count: int = 4) -> Path:

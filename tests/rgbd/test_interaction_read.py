@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from afford.common.errors import SourceError
-from afford.dataset.sor3d_layout import colour_label, discover_sequences, label_of_colours, read_views, write_sequence
+from afford.dataset.sor3d_layout import colour_label, discover_sequences, label_of_colours, write_sequence
 from afford.rgbd.readers.sor3d import sample_slots
 from schemas.interaction import AFFORDANCES, BACKGROUND, COLOURS_BGR
 from stages.rgbd import interaction_read
@@ -105,15 +105,6 @@ def test_frames_without_zeros_in_front_keep_their_order(tmp_path) -> None:
     found = back(tmp_path)
     assert found.rgb[:, 0, 0, 0].tolist() == found.depth_m[:, 0, 0].tolist() == [*range(12)]
     assert np.array_equal(found.label, made.label)
-
-
-def test_views_are_read_back(tmp_path) -> None:
-    """The error names a wrong line."""
-    (tmp_path / "views_id.txt").write_text("Subject1\t2\nSubject20\t1\n")
-    assert read_views(tmp_path) == {"Subject1": 2, "Subject20": 1}
-    (tmp_path / "views_id.txt").write_text("Subject1\t4\n")
-    with pytest.raises(SourceError, match="line 1: expected SubjectN, a tab, and 1, 2 or 3"):
-        read_views(tmp_path)
 
 
 def blank(path, *shape: int, dtype=np.uint8) -> None:

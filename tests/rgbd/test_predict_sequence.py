@@ -16,13 +16,13 @@ from afford.models import shipped
 from afford.rgbd import footage
 from afford.rgbd.footage import Lens, Sampling
 from afford.rgbd.model.checkpoint import FORMAT
-from afford.rgbd.model.predictor import Predictor, first_frames, last_frame_input
+from afford.rgbd.model.predictor import Predictor, first_frames
 from afford.twohands.model import model_folder
 from schemas.interaction import AFFORDANCES, BACKGROUND
 from stages.rgbd import scene_flow
 from tests.helpers import tiny_asked
 from tests.helpers.command import Called, call
-from tests.helpers.tiny_sor3d import SIZE, frames, write_frames, write_model, write_video
+from tests.helpers.tiny_sor3d import SIZE, frames, last_frame, write_frames, write_model, write_video
 
 FILES = {"label.png", "overlay.png", "attention.png", "probabilities.safetensors", "prediction.json"}
 
@@ -90,7 +90,7 @@ def test_picture_is_a_sequence_of_one_frame(store: Path, shown: Path, tmp_path: 
     assert done.code == 0 and (told["mode"], told["frames"], told["flow"]) == ("picture", 1, "none")
     predictor = Predictor(store / "models" / "sor3d" / "model")
     whole = footage.read_footage(shown / "rgb", shown / "depth", Lens(), Sampling(), SIZE)
-    found = predictor.predict(last_frame_input(predictor.inputs_of_clip(whole.clip, None)))
+    found = predictor.predict(last_frame(predictor.inputs_of_clip(whole.clip, None)))
     kept = load_file(tmp_path / "out" / "0004" / "probabilities.safetensors")["probability"]
     assert np.allclose(kept, found.probability, atol=1e-6)
 

@@ -12,14 +12,14 @@ import pytest
 
 from afford.common.files import tree
 from afford.rgbd.evaluate.static_sets import ScoredPicture, SetScores
-from afford.rgbd.model.predictor import PicturePrediction, Predictor, last_frame_input, last_picture
+from afford.rgbd.model.predictor import PicturePrediction, Predictor, last_picture
 from schemas.files import FileTree
 from schemas.interaction import AFFORDANCES, BACKGROUND, StaticSample, StaticSet
 from stages.rgbd import static_evaluate, static_read
 from tests.helpers.made_interactions import iit_aff, umd
 from tests.helpers.made_samples import Scratch
 from tests.helpers.made_sequences import SIZE, interaction
-from tests.helpers.tiny_sor3d import write_model
+from tests.helpers.tiny_sor3d import last_frame, write_model
 
 GRASP, CUT, LIFT = (AFFORDANCES.index(name) for name in ("grasp", "cut", "lift"))
 
@@ -100,7 +100,7 @@ def test_the_last_frame_of_a_sequence_is_its_picture(model: FileTree, tmp_path: 
     predictor = Predictor(next(file.path.parent for file in model.files if file.name.endswith("config.json")))
     tally = SetScores.of([last_picture(clip) for clip in clips])
     for clip in clips:
-        said = predictor.predict(last_frame_input(predictor.inputs_of_clip(clip, None)))
+        said = predictor.predict(last_frame(predictor.inputs_of_clip(clip, None)))
         assert said.label.shape == (SIZE, SIZE)
         prediction = PicturePrediction(said.probability, said.attention, np.zeros((0, 4), np.float32))
         tally.add(ScoredPicture(last_picture(clip), prediction))

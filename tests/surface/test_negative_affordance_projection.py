@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from afford.surface.negative.project import distance_to_points, interpolate_field
+from afford.surface.negative.project import distance_to_points
 from stages.surface import negative_affordance_projection
-from tests.helpers.made_objects import looked, projected, true_scores
+from tests.helpers.made_objects import between_nodes, looked, projected, true_scores
 
 
 def negative_faces(category: str) -> dict[str, tuple[np.ndarray, np.ndarray]]:
@@ -45,7 +45,7 @@ def test_points_and_n_t_agree_with_the_surface() -> None:
         assert one.negative.shape == found.points.shape[:1] and 0 < one.negative.mean() < 1 and len(one.N_t) == 40
         assert distance_to_points(one.N_t, found.points[one.negative]).max() < 0.1 * size
         assert distance_to_points(middle[one.probability > 0.5], one.N_t).max() < 0.02
-        grid = interpolate_field(one.field, one.N_t)
+        grid = between_nodes(one.field)(one.N_t)
         assert grid.max() < np.sqrt(3) * 0.02 and np.abs(grid - distance_to_points(one.N_t, one.N_t)).max() < np.sqrt(3) * 0.02
 
 

@@ -12,7 +12,6 @@ from afford.surface.negative.project import (
     distance_to_points,
     face_adjacency,
     harmonic_fill,
-    interpolate_field,
     part_posterior,
     pixel_probability,
     vote_on_faces,
@@ -21,6 +20,7 @@ from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.surface import PartCandidates, PartDescription, PartNote, PartScores
 from stages.surface import view_render
 from tests.helpers.made_meshes import as_object, ball, ring, slotted
+from tests.helpers.made_objects import between_nodes
 
 SHAPES = {"ball": ball, "ring": ring, "slotted": slotted}
 SMALL = view_render.Params(size_px=192, directions=128)
@@ -202,19 +202,18 @@ def test_distance_to_a_point_is_the_norm() -> None:
 
 
 def test_distance_grid_error_is_bounded() -> None:
-    """Check sqrt(3) spacings inside, exact nodes, and bounds far outside."""
+    """Check sqrt(3) spacings between nodes, and exact nodes, after trilinear interpolation."""
     made = ball(0.05, 2)
     negative = made.vertices[made.vertices[:, 2] > 0.02]
     grid = distance_field("ball", negative, made.vertices, 0.005, 0.03)
     spots = np.random.default_rng(1).uniform(-0.08, 0.08, (400, 3))
-    assert np.abs(interpolate_field(grid, spots) - distance_to_points(negative, spots)).max() < 3**0.5 * 0.005
+    assert np.abs(between_nodes(grid)(spots) - distance_to_points(negative, spots)).max() < 3**0.5 * 0.005
     nodes = grid.origin + grid.spacing_m * np.array([[0, 0, 0], [3, 5, 7], [10, 2, 9]])
-    assert interpolate_field(grid, nodes) == pytest.approx(distance_to_points(negative, nodes), abs=1e-6)
-    assert interpolate_field(grid, np.array([[5.0, 0, 0]]))[0] == pytest.approx(4.92, abs=0.01)
+    assert between_nodes(grid)(nodes) == pytest.approx(distance_to_points(negative, nodes), abs=1e-6)
 
 
 def test_distance_grid_without_n_t_is_infinite() -> None:
     """Check the whole grid."""
     made = ball(0.05, 1)
     grid = distance_field("ball", np.zeros((0, 3), np.float32), made.vertices, 0.02, 0.02)
-    assert np.isinf(grid.distance_m).all() and np.isinf(interpolate_field(grid, np.zeros((1, 3)))).all()
+    assert np.isinf(grid.distance_m).all()

@@ -15,20 +15,21 @@ from afford.synthetic.kitchens import epic_files, vocabulary
 from afford.synthetic.kitchens.epic_files import write_root
 from schemas.files import FileRef, FileTree
 from schemas.video import HAND_CLASS, SIDES
+from tests.helpers.made_epic import drawn
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_polygons_reproduce_the_mask_exactly(seed):
-    """Tracing a mask and drawing it by VISOR's rule gives the same mask, holes, islands and borders included."""
+    """A traced mask is read back as the same mask, holes, islands and borders included."""
     noise = np.random.default_rng(seed).standard_normal((256, 456))
     mask = cv2.GaussianBlur(noise, (0, 0), 1.0 + 2 * seed) > 0.01
-    np.testing.assert_array_equal(epic_files.polygons_to_mask(epic_files.mask_to_polygons(mask), 456, 256), mask)
+    np.testing.assert_array_equal(drawn(epic_files.mask_to_polygons(mask), 456, 256), mask)
 
 
 def test_empty_mask_has_no_polygon():
     """An empty mask gives no outline, and no outline gives an empty mask."""
     assert epic_files.mask_to_polygons(np.zeros((256, 456), bool)) == []
-    assert not epic_files.polygons_to_mask([], 456, 256).any()
+    assert not drawn([], 456, 256).any()
 
 
 def test_class_ids_and_words_are_unique_and_hands_have_epic_ids():

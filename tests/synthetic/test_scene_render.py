@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from afford.codecs import load
-from afford.synthetic.kitchens import epic_files
 from afford.synthetic.kitchens.animation import DURATION
 from afford.synthetic.kitchens.scripts import SCRIPTS
 from afford.synthetic.kitchens.vocabulary import noun_class
@@ -19,6 +18,7 @@ from afford.synthetic.splits import dataset_specs, hard_specs, standard_specs
 from schemas.scene import SceneSpec
 from schemas.video import SIDES
 from stages.synthetic import scene_render
+from tests.helpers.made_epic import drawn
 
 SPEC = SceneSpec("P91_01", "pour", "kitchen", 3, frames=3, key_gap=2)
 SETTING = {"hammer": "workshop", "screw": "workshop", "fetch_tool": "workshop", "fetch_item": "desk", "tidy_desk": "desk"}
@@ -65,7 +65,7 @@ def test_video_has_every_frame(clip):
 
 
 def test_annotations_equal_the_visible_masks(clip, truth):
-    """Drawing the polygons of a key frame by VISOR's rule gives the true visible masks; key frames are 1, 1 + gap, ..."""
+    """Polygons of key frames are read back as the true visible masks; key frames are 1, 1 + gap, ..."""
     path = clip.files.find("GroundTruth-SparseAnnotations/annotations/train/P91_01.json").path
     points = json.loads(path.read_text())["video_annotations"]
     assert [int(point["image"]["name"][-14:-4]) for point in points] == [1, 3]
@@ -73,8 +73,7 @@ def test_annotations_equal_the_visible_masks(clip, truth):
     for point in points:
         t = int(point["image"]["name"][-14:-4]) - 1
         for row in point["annotations"]:
-            drawn = epic_files.polygons_to_mask(row["segments"], 456, 256)
-            np.testing.assert_array_equal(drawn, truth.visible[names.index(row["name"]), t])
+            np.testing.assert_array_equal(drawn(row["segments"], 456, 256), truth.visible[names.index(row["name"]), t])
 
 
 def test_contacts_refer_to_masks_of_the_same_image(clip, truth):

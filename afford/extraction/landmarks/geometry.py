@@ -11,7 +11,6 @@ BONES = ((0, 1), (1, 2), (2, 3), (3, 4), (0, 5), (5, 6), (6, 7), (7, 8), (5, 9),
 PALM = [0, 1, 5, 9, 13, 17]
 """keypoints around the palm"""
 KNUCKLES = [5, 9, 13, 17]
-TIPS = [4, 8, 12, 16, 20]
 WRIST = 0
 ARM_WIDTH = 0.42
 """half the width of a forearm at the wrist, in sizes of the hand"""

@@ -95,8 +95,6 @@ def turned(offset: np.ndarray, yaw: np.ndarray) -> np.ndarray:
 
 
 WRENCH_CONTROL_S = 1 / 60
-WRENCH_STEPS = 200
-"""steps of a published episode"""
 FORCE_N, TORQUE_NM = 200.0, 1.0 / 60 * 0.1 * 1e3
 """force and torque of a full action. The torque is published (a x dt x 0.1 x 1e3). The published force, a x dt x 0.5 x 1e5 = 833 N,
 would move this hand, 0.9 kg with its gantry, at 10 m/s against drag, 4 cm in a step of the solver. Its slides give 200 N and 2.3
@@ -118,15 +116,6 @@ def wrench_command(action: np.ndarray, q_wrist: np.ndarray, yaw: np.ndarray, lim
     force, torque = turned(FORCE_N * a[:, :3], yaw), turned(TORQUE_NM * a[:, 3:6], yaw)
     middle, half = _middle(limits)
     return np.concatenate([force, np.einsum("nki,ni->nk", hinges(q_wrist), torque), middle + half * a[:, 6:]], axis=1)
-
-
-def action_for(efforts: np.ndarray, fingers: np.ndarray, q_wrist: np.ndarray, yaw: np.ndarray, limits: np.ndarray) -> np.ndarray:
-    """Invert `wrench_command`: efforts (n, 6) of the gantry and targets (n, m - 6) of the fingers -> (n, m) actions in -1..1."""
-    torque = np.linalg.solve(hinges(q_wrist), efforts[:, 3:, None])[..., 0]
-    middle, half = _middle(limits)
-    parts = (turned(efforts[:, :3], -yaw) / FORCE_N, turned(torque, -yaw) / TORQUE_NM, (fingers - middle) / half)
-    found: np.ndarray = np.concatenate(parts, axis=1).clip(-1, 1)
-    return found
 
 
 def hinges(q_wrist: np.ndarray) -> np.ndarray:

@@ -35,8 +35,6 @@ SLICE_M, END_M = 0.025, 0.03
 """points within SLICE_M along a part are grasped together; places keep END_M from its ends"""
 LONG = 1.6
 """a bar is longer than this many of its widths"""
-STANDS = 0.8
-"""upright: cosine of the axis and the vertical"""
 TALL_M = 0.06
 HOLE_M = 0.008
 """radius of the least hole for a finger"""

@@ -26,18 +26,6 @@ ROCKS, ROCKS_M, ROCKS_RAD = 20, 0.003, 0.05
 """an object also rests when it stays this near to one pose for so many control steps: thin hulls tremble in PyBullet"""
 
 
-def dropped_rest_pose(world: World, scene: Scene, seed: int, reach_m: float = 0.05, most_s: float = MOST_S) -> np.ndarray:
-    """Return the (7,) pose at rest of a dropped object, which starts within `reach_m` of the origin.
-
-    The hand is parked. The same seed and world give the same pose. ValueError when the object still moves after `most_s`.
-    """
-    found = _settled(world, scene, _thrown(scene, np.random.default_rng(seed), reach_m), most_s)
-    if found is None:
-        raise ValueError(f"{scene.body.name}, drop {seed}: expected the object to rest after {most_s} s, got "
-                         f"{np.linalg.norm(world.state().velocity):.2f} m/s; take another seed")  # fmt: skip
-    return found
-
-
 def laid_rest_pose(world: World, scene: Scene, turn: Rotation, most_s: float = MOST_S) -> np.ndarray | None:
     """Return the (7,) pose at rest of an object that is laid down in an orientation; None when it keeps rolling or rocking."""
     lowest = turn.apply(np.array(scene.body.corners, np.float64))[:, 2].min()

@@ -23,7 +23,6 @@ from schemas.interaction import AFFORDANCES, FlowScore, InteractionScores
 from schemas.training import Recipe
 
 MODES = {"video": "videos", "static": "pictures (the last frame alone)"}
-FIGURES = ("iou", "f", "fw")
 WHERE = ("iou", "f", "fw", "region_iou")
 COLUMNS = (*(f"{mode}.{name}" for mode in MODES for name in WHERE), "action.accuracy")
 """columns of a row of the ablation"""

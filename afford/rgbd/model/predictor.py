@@ -84,11 +84,6 @@ def first_frames(seen: ModelInput, count: int) -> ModelInput:
     return ModelInput(seen.rgb[:count], seen.depth_m[:count], seen.flow[: count - 1], seen.still)
 
 
-def last_frame_input(seen: ModelInput) -> ModelInput:
-    """Last frame as a picture without motion."""
-    return ModelInput(seen.rgb[-1:], seen.depth_m[-1:], seen.flow[:0], seen.still)
-
-
 class PicturePrediction(NamedTuple):
     """Prediction of the middle square, s px wide, of a picture."""
 

@@ -33,7 +33,7 @@ FIX = "compare with the layout in docs/rgbd/interaction-data.md"
 
 
 def list_pictures(files: FileTree, crop_px: int, every: int, params: None) -> tuple[PictureEntry, ...]:
-    """List every n-th picture that has a label, by name."""
+    """List every n-th picture that has a label, by name (`ListPictures`)."""
     at = {tuple(PurePosixPath(f.name).parts[-2:]): f for f in files.files}
     labels = sorted(stem for folder, stem in ((k[0], PurePosixPath(k[-1]).stem) for k in at) if folder == "affordances_labels")
     if not labels:

@@ -35,7 +35,7 @@ FIX = "compare with the layout in docs/rgbd/interaction-data.md"
 
 
 def list_pictures(files: FileTree, crop_px: int, every: int, params: Umd) -> tuple[PictureEntry, ...]:
-    """List every n-th labelled picture of each tool, by name.
+    """List every n-th labelled picture of each tool, by name (`ListPictures`).
 
     People labelled every third frame; the other labels were interpolated.
     """

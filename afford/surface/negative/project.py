@@ -20,7 +20,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import map_coordinates
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import spsolve
@@ -174,18 +173,6 @@ def distance_field(name: str, N_t: np.ndarray, vertices: np.ndarray, spacing_m: 
     axes = [low[k] + spacing_m * np.arange(count[k]) for k in range(3)]
     nodes = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
     return DistanceField(name, distance_to_points(N_t, nodes).reshape(count).astype(np.float32), low.astype(np.float64), spacing_m)
-
-
-def interpolate_field(grid: DistanceField, points: np.ndarray) -> np.ndarray:
-    """Interpolate a distance field linearly at points: (n,) float32 metres.
-
-    Beyond the grid, the result is at least the distance to the grid. Inside, the error is at most sqrt(3) times the spacing.
-    """
-    where = (points - grid.origin) / grid.spacing_m
-    inside = where.clip(0, np.array(grid.distance_m.shape) - 1)
-    beyond = np.linalg.norm((where - inside) * grid.spacing_m, axis=1)
-    found = map_coordinates(grid.distance_m, inside.T, order=1, mode="nearest")
-    return np.maximum(found, beyond).astype(np.float32)
 
 
 DENSE = 20

@@ -37,15 +37,6 @@ def mask_to_polygons(mask: np.ndarray) -> list[list[list[float]]]:
     return [outline.reshape(-1, 2).astype(float).tolist() for outline in outlines]
 
 
-def polygons_to_mask(segments: list[list[list[float]]], width: int, height: int) -> np.ndarray:
-    """Draw VISOR polygons as a mask (height, width) bool, by VISOR's rule: truncate, even-odd fill, nearest-neighbour resize."""
-    grid = np.zeros((GRID_WH[1], GRID_WH[0]), np.uint8)
-    corners = [np.asarray(polygon, np.float64).reshape(-1, 2).astype(np.int32) for polygon in segments if polygon]
-    if corners:
-        cv2.fillPoly(grid, corners, 1)
-    return cv2.resize(grid, (width, height), interpolation=cv2.INTER_NEAREST).astype(bool)
-
-
 def _cells(size: int, grid: int) -> np.ndarray:
     """Map each of `grid` cells to the index of its pixel, out of `size` pixels."""
     first = np.arange(size) * grid // size

@@ -12,7 +12,7 @@ import json
 import re
 import socket
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler
 from pathlib import Path
@@ -52,8 +52,6 @@ STATUS = (
     (TooLargeError, HTTPStatus.REQUEST_ENTITY_TOO_LARGE),
     (SourceError, HTTPStatus.UNSUPPORTED_MEDIA_TYPE),
 )
-Content = Mapping[str, tuple[str, bytes]]
-"""path of a request -> content type and body"""
 Ask = Callable[[bytes, str, str], dict[str, Any]]
 """(image file, task, hands) -> JSON object; SourceError for a request that is not valid"""
 
