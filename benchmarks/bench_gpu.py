@@ -311,7 +311,7 @@ def decode(args: argparse.Namespace) -> Figures:
     from afford.training.loop import SINGLE_PROCESS, accumulate_gradients, make_optimizer, prefetch
     from stages.twohands import model_train
 
-    job = model_train._job(model_train.Params(device="cuda", steps=200, batch=32))  # the stage's own job
+    job = model_train.training_job(model_train.Params(device="cuda", steps=200, batch=32))  # the stage's own job
     with TemporaryDirectory(dir=args.scratch) as scratch:
         job.prepare({file.name: file.path for file in tree("set", args.dataset).files}, Path(scratch))
         task = job.task(Path(scratch), 1)

@@ -90,7 +90,7 @@ def run(kind: str, scratch: Path, dtype: str) -> None:
         from afford.training.train import train_job
 
         (scratch / "run").mkdir()
-        job = model_train._job(settings(folder, dtype, KINDS[kind]))  # the stage's own job
+        job = model_train.training_job(settings(folder, dtype, KINDS[kind]))  # the stage's own job
         train_job(job, tree("set", scratch / "set"), "vlm", Scratch(scratch / "run"), 1)
 
 
@@ -142,7 +142,7 @@ def small_rows(scratch: Path) -> list[str]:
         config = read_config(folder / "model")
         plans = {"predict": plan_folder(folder / "model", config, "", "cpu", 1)}
         for kind, checkpointing in KINDS.items():
-            job = model_train._job(settings(folder, dtype, checkpointing))
+            job = model_train.training_job(settings(folder, dtype, checkpointing))
             plans[kind] = plan_training(job, SAMPLES["train"], SAMPLES["val"])
         for kind, plan in plans.items():
             found = measured(kind, scratch, dtype)
@@ -195,7 +195,7 @@ def published_rows(scratch: Path) -> list[str]:
 
 def published_job(config: ModelConfig, dtype: str, batch: int) -> TwoHandsJob:
     """Job of the paper's recipe on a GPU."""
-    return model_train._job(replace(model_train.VLM, backbones=config.backbones, frozen_dtype=dtype, batch=batch, device="cuda"))
+    return model_train.training_job(replace(model_train.VLM, backbones=config.backbones, frozen_dtype=dtype, batch=batch, device="cuda"))
 
 
 def on_gpu(scratch: Path, dtype: str) -> Iterator[tuple[str, int, int]]:
@@ -207,7 +207,7 @@ def on_gpu(scratch: Path, dtype: str) -> Iterator[tuple[str, int, int]]:
     yield "predict", planned, most_on_gpu(lambda: Predictor(folder / "model", "cuda").predict(
         np.zeros((SIDE, SIDE, 3), np.uint8), "pour tea from the kettle"))  # fmt: skip
     for kind, checkpointing in KINDS.items():
-        job = model_train._job(replace(settings(folder, dtype, checkpointing), device="cuda"))
+        job = model_train.training_job(replace(settings(folder, dtype, checkpointing), device="cuda"))
         (scratch / kind).mkdir()
         yield kind, plan_training(job, SAMPLES["train"], SAMPLES["val"]).needed + WORKSPACE, most_on_gpu(
             lambda job=job, kind=kind: train_job(job, tree("set", data), "vlm", Scratch(scratch / kind), 1))

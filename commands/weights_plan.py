@@ -64,11 +64,11 @@ def _trainings(folder: Path, device: str, sets: Sequence[str]) -> Iterator[tuple
     from transformers import SamConfig
 
     from afford.twohands.train.memory_plan import plan_training
-    from stages.twohands.model_train import _job
+    from stages.twohands.model_train import training_job
 
     size = SamConfig.from_pretrained(folder / "sam").vision_config.image_size
     words = ["model_train.variant=vlm", f"model_train.height_px={size}", f"model_train.width_px={size}", *sets]
     chosen: Params = replace(settings(words, None).twohands.model_train, backbones=str(folder), device=device)
     for dtype in TYPES if not any("frozen_dtype" in word for word in sets) else (chosen.frozen_dtype,):
         params = replace(chosen, frozen_dtype=dtype)
-        yield f"train, batch {params.batch}, frozen_dtype={dtype}", plan_training(_job(params))
+        yield f"train, batch {params.batch}, frozen_dtype={dtype}", plan_training(training_job(params))

@@ -36,7 +36,7 @@ def process_group(device: str) -> Iterator[ProcessGroup]:
 def main(job_file: Path, scratch: Path) -> None:
     """Train as one of the processes until the checkpoint in `scratch` is complete."""
     job = read_job(job_file.read_text())
-    with deterministic(1, job.plan.device), process_group(job.plan.device) as group:
+    with deterministic(1, job.plan.device.partition(":")[0]), process_group(job.plan.device) as group:
 
         def progress(done: int, total: int) -> None:
             if group.is_main:

@@ -23,7 +23,7 @@ def train_job(job: Job[Batch], dataset: FileTree, name: str, ctx: Context, threa
     job.prepare({file.name: file.path for file in dataset.files}, ctx.scratch)
     if devices > 1:
         launch(job, ctx.scratch, devices, ctx.progress)
-    with loop.deterministic(threads // job.plan.parallel, job.plan.device):
+    with loop.deterministic(threads // job.plan.parallel, job.plan.device.partition(":")[0]):
         model, state = loop.fit(job, ctx.scratch, ctx.progress)
     log = curves.training_log(name, state.points, state.best_step, state.step)
     root = artifacts.write_artifacts(ctx.scratch, name, dataset, job, model, log)

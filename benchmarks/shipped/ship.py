@@ -153,11 +153,11 @@ def calibrate(recipe: Recipe, folders: list[Path]) -> None:
     from afford.models.efficientnet_lite import encoder_path
     from afford.twohands.model.model_folder import config_json, load_model
     from afford.twohands.train.job import calibrated_config
-    from stages.twohands.model_train import _job
+    from stages.twohands.model_train import training_job
 
     folder, data = FOLDER / "twohands", joined([tree("stills", one) for one in folders])
     params = recipe.graph(file_digest, data).stages()[-1].params
-    job = _job(replace(params, backbones=str(encoder_path())))
+    job = training_job(replace(params, backbones=str(encoder_path())))
     with TemporaryDirectory() as scratch:
         job.prepare({file.name: file.path for file in data.files}, Path(scratch))
         task = job.task(Path(scratch), 1)

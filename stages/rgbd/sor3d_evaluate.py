@@ -46,6 +46,6 @@ def run(dataset: FileTree, model: FileTree, params: Params, ctx: Context) -> Int
 
     folder = copy_folder(model, checkpoint.CONFIG, empty_folder(ctx.scratch / "model"))
     paths = packed_sequences.split_files({file.name: file.path for file in dataset.files}, params.split)
-    with deterministic(THREADS, params.device):
+    with deterministic(THREADS, params.device.partition(":")[0]):
         trained = checkpoint.load_model(folder).to(params.device)
         return evaluate_model(model.name, trained, paths, params.shown, params.device, ctx.progress, params.mirror)

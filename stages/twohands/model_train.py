@@ -121,13 +121,13 @@ def run(dataset: FileTree, params: Params, ctx: Context, recipe: Recipe | None =
     from afford.models.weights import with_local_weights
     from afford.training.train import train_job
 
-    job = _job(with_local_weights(params, weights, "backbones"), recipe)
+    job = training_job(with_local_weights(params, weights, "backbones"), recipe)
     threads = 1 if job.config.variant == "vlm" and not job.config.backbones else THREADS  # its layers are too small for two
     return train_job(job, dataset, recipe.name if recipe else params.variant, ctx, threads, params.devices)
 
 
-def _job(p: Params, recipe: Recipe | None = None) -> TwoHandsJob:
-    """Build the training job from the parameters, with those of a recipe replaced."""
+def training_job(p: Params, recipe: Recipe | None = None) -> TwoHandsJob:
+    """Build the training job from the parameters, with those of a recipe replaced. ValueError for parameters that do not fit."""
     from afford.models.loading import DTYPES
     from afford.training.params import plan_of
     from afford.twohands.model.interface import LIGHT, ModelConfig

@@ -9,12 +9,14 @@ import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import torch
 from torch import nn
 
+from afford.training import loop
 from afford.training.loop import (
     SINGLE_PROCESS,
     accumulate_gradients,
@@ -26,6 +28,8 @@ from afford.training.loop import (
     warmup_decay,
 )
 from afford.training.state import load_checkpoint
+from afford.training.train import train_job
+from schemas.files import FileTree
 from tests.helpers.toy_training import PLAN, Toy, bytes_of
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -277,3 +281,20 @@ def test_two_processes_train_as_one(tmp_path: Path) -> None:
     made = np.frombuffer((tmp_path / "a" / "0.bin").read_bytes(), np.float32)
     np.testing.assert_allclose(made, np.frombuffer(bytes_of(one.model), np.float32), rtol=1e-4, atol=1e-5)
     assert (tmp_path / "a" / "0.bin").read_bytes() == (tmp_path / "b" / "0.bin").read_bytes()
+
+
+@pytest.mark.parametrize(("device", "wanted"), [("cpu", False), ("cuda", True), ("cuda:1", True)])
+def test_deterministic_algorithms_on_every_gpu(device: str, wanted: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A GPU that is named by its number is one."""
+    found = []
+
+    def fit(*_: object) -> None:
+        found.append(torch.are_deterministic_algorithms_enabled())
+        raise KilledError
+
+    monkeypatch.setattr(loop, "fit", fit)
+    monkeypatch.setenv("CUBLAS_WORKSPACE_CONFIG", ":4096:8")
+    job = SimpleNamespace(plan=replace(PLAN, device=device), prepare=lambda files, scratch: None)
+    with pytest.raises(KilledError):
+        train_job(job, FileTree("none", ()), "toy", SimpleNamespace(scratch=tmp_path, progress=print), 1)
+    assert found == [wanted] and not torch.are_deterministic_algorithms_enabled()

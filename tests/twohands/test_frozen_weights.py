@@ -95,7 +95,7 @@ def test_a_training_resumes_and_predicts(dataset: FileTree, backbones: Path, tmp
     """A killed training ends with equal files; the saved model has both types and answers."""
     (tmp_path / "a").mkdir()
     (tmp_path / "b").mkdir()
-    job = model_train._job(params(backbones))
+    job = model_train.training_job(params(backbones))
     whole = train_job(job, dataset, "vlm", Scratch(tmp_path / "a"), 1)
     with pytest.raises(KeyboardInterrupt):
         train_job(job, dataset, "vlm", Killed(tmp_path / "b"), 1)
@@ -114,6 +114,6 @@ def test_a_training_resumes_and_predicts(dataset: FileTree, backbones: Path, tmp
 def test_other_variants_have_no_frozen_type() -> None:
     """Refused in one sentence, as is an unknown type."""
     with pytest.raises(ValueError, match=r"frozen_dtype: expected float32 for variant small, got 'bfloat16'"):
-        model_train._job(model_train.Params(frozen_dtype="bfloat16"))
+        model_train.training_job(model_train.Params(frozen_dtype="bfloat16"))
     with pytest.raises(ValueError, match="expected float32, bfloat16, float16 for variant vlm, got 'int8'"):
-        model_train._job(model_train.Params(variant="vlm", frozen_dtype="int8"))
+        model_train.training_job(model_train.Params(variant="vlm", frozen_dtype="int8"))

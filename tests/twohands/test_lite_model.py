@@ -94,7 +94,7 @@ def test_a_saved_model_needs_no_encoder_file(dataset: FileTree, encoder: FileTre
 def test_a_training_without_encoder_is_refused() -> None:
     """The sentence names the script that fetches it, and the variant that needs none."""
     with pytest.raises(ValueError, match=r"install/image_encoder\.py`, or set model_train\.variant=small"):
-        model_train._job(PARAMS)
+        model_train.training_job(PARAMS)
 
 
 def test_the_encoder_of_set_up_is_an_input(encoder: FileTree, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -118,15 +118,16 @@ def test_a_recipe_overrides_parameters(dataset: FileTree, tmp_path: Path) -> Non
 def test_clip_without_backbones_is_trained_whole(dataset: FileTree, tmp_path: Path) -> None:
     """2HAff-CLIP from random weights is square, trains at full size in sequence, and has no frozen parameters."""
     params = replace(PARAMS, steps=1, warmup=1, validate_every=0, val_samples=2, height_px=32, width_px=64)
-    job = model_train._job(replace(params, variant="clip"))
+    job = model_train.training_job(replace(params, variant="clip"))
     assert (job.config.size_px, job.config.frozen, job.plan.parallel, job.coarse_share) == ((32, 32), False, 1, 0)
     with pytest.raises(ValueError, match="expected no backbones for variant small"):
-        model_train._job(model_train.Params(backbones="folder"))
-    assert not job.config.frozen and model_train._job(replace(params, variant="clip", backbones="folder")).config.frozen
+        model_train.training_job(model_train.Params(backbones="folder"))
+    assert not job.config.frozen and model_train.training_job(replace(params, variant="clip", backbones="folder")).config.frozen
     recipe = Recipe("clip-5", "clip", "clip", 3, True, 2, "affordance", 5, "stills", False, True, 0)
     found = model_train.run(dataset, params, Scratch(tmp_path), recipe)
     assert json.loads(found.files.find("model/config.json").path.read_text())["variant"] == "clip"
-    assert model_train._job(PARAMS).plan.parallel == 2 and model_train._job(replace(PARAMS, devices=2)).plan.parallel == 1
+    assert model_train.training_job(PARAMS).plan.parallel == 2
+    assert model_train.training_job(replace(PARAMS, devices=2)).plan.parallel == 1
 
 
 @pytest.mark.parametrize("row", ["vlm", "lisa"])
@@ -152,7 +153,7 @@ def test_a_model_depends_on_the_content_of_backbones_only(tmp_path: Path) -> Non
 
     def saved(place: str, seed: int) -> dict[str, str]:
         weights = weight_files(str(save_backbones(tmp_path / place, seed=seed)), digest)
-        model = build(model_train._job(with_local_weights(params, weights, "backbones")).config, params.seed)
+        model = build(model_train.training_job(with_local_weights(params, weights, "backbones")).config, params.seed)
         save_model(model, tmp_path / f"{place}-model")
         return {path.name: digest(path) for path in (tmp_path / f"{place}-model").rglob("*") if path.is_file()}
 
@@ -175,7 +176,7 @@ def test_a_training_depends_on_the_content_of_backbones_only(dataset: FileTree, 
 
 
 def test_a_job_survives_json() -> None:
-    job = model_train._job(PARAMS)
+    job = model_train.training_job(PARAMS)
     assert read_job(job.to_json()) == job
 
 
@@ -202,7 +203,7 @@ def test_two_devices_train_one_model(dataset: FileTree, tmp_path: Path) -> None:
         (tmp_path / name).mkdir()
         files.append(refs(model_train.run(dataset, params, Scratch(tmp_path / name)).files))
     assert files[0] == files[1]
-    job = replace(model_train._job(params), batch=0)
+    job = replace(model_train.training_job(params), batch=0)
     with pytest.raises(RuntimeError, match=r"2 processes of torch\.distributed\.run: exit code"):
         train.launch(job, tmp_path, 2, lambda done, total: None)
 
