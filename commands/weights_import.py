@@ -40,7 +40,7 @@ NEEDS = {
     "llava": "LLaVA-1.5 7B or 13B: the authors' files with CLIP ViT-L/14 at 336 px, or a folder of transformers",
     "sam": "sam_vit_b, _l or _h *.pth, or a folder of transformers",
     "sam2": "sam2_hiera_*.pt, sam2.1_hiera_*.pt, or a folder of transformers",
-    "sam3": "a folder of transformers (facebook/sam3) with its config.json and tokenizer.json",
+    "sam3": "sam3.pt with a tokenizer.json, or a folder of transformers (facebook/sam3) with its config.json and tokenizer.json",
     "xmem": "XMem.pth",
     "clip": "ViT-L-14.pt and the like with a tokenizer.json, or a folder of transformers",
     "vidm": "nohands_weights.ckpt",

@@ -10,7 +10,7 @@ from afford.models.weights import with_local_weights
 from schemas.files import FileTree
 
 WEIGHTS = "a Sam3Model with its tokenizer.json: folder of save_pretrained, or hub id as facebook/sam3"
-MET = "tiny random weights, 2026-11: the detector of Sam3Model in transformers"
+MET = "authors' package, random weights, 2026-11: names and shapes of the detector in sam3 0.1.4; masks with tiny ones"
 PHRASES = ("hand", "left hand", "right hand", "object held in a hand", "sleeve")
 SMOOTHING = 0.05
 """added to both sides, so that a hand without a detected side counts half for each"""

@@ -11,8 +11,8 @@ from afford.extraction.tracks.two_ways import Pass, propagate_two_ways
 from afford.models.sam2 import load_model, session, track_frames
 
 WEIGHTS = "a Sam2VideoModel: folder of save_pretrained, sam2*_hiera_*.pt, or hub id as facebook/sam2.1-hiera-tiny"
-MET = ("published size, random weights, 2026-11: SAM 2.1 large, 8.7 frames/s of two objects on an H200; names and counts of "
-       "all four sizes")
+MET = ("published size, random weights, 2026-11: SAM 2.1 large, 8.7 frames/s of two objects on an H200; names and shapes of "
+       "all four sizes in sam2 1.1.0")
 
 
 def propagate(rgb: np.ndarray, key_index: np.ndarray, key_labels: np.ndarray, count: int, params: Sam2) -> Propagated:

@@ -23,7 +23,7 @@ from schemas.mesh import ObjectMesh, ObjectViews
 from schemas.surface import PartCandidates, PartDescriptions, PartScores
 
 WEIGHTS = "a CLIPModel with its tokenizer.json: folder of save_pretrained, or hub id as openai/clip-vit-large-patch14-336"
-MET = "tiny random weights, 2026-11: CLIPModel in transformers; OpenAI's names, written by a test"
+MET = "authors' package, random weights, 2026-11: names and shapes of four sizes in openai-clip 1.0.1; scores with tiny ones"
 BLUR = 100 / 336
 """radius of the blur, as a share of the image's side"""
 
