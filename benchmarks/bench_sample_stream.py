@@ -43,12 +43,12 @@ def first_batch(folder: Path, scratch: Path) -> None:
     """Index the data set and read one batch, in a process of its own; prints the seconds."""
     from afford.training.sampler import BalancedSampler
     from afford.twohands.train.augment import Augmentation
-    from afford.twohands.train.sample_stream import label_rows, open_samples, write_samples
+    from afford.twohands.train.sample_stream import SampleStream, label_rows, write_samples
     from afford.twohands.train.task import Batches, InputSize
 
     began = time.perf_counter()
     write_samples(files_below(folder), Split(), "train", scratch / "train", SIZE)
-    samples = open_samples(scratch / "train")
+    samples = SampleStream(scratch / "train")
     sampler = BalancedSampler(list(label_rows(samples, "verb", "taxonomy")), 0.5, 0)
     Batches(samples, sampler, Augmentation(), InputSize((128, 160)), BATCH, 0)(0)
     sys.stdout.write(f"{time.perf_counter() - began:.1f}\n")

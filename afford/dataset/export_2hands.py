@@ -99,19 +99,17 @@ def first_row(name: str) -> int:
     return int(name.split("-")[0])
 
 
-def read_video(h5_path: Path, json_path: Path) -> Iterator[dict[str, Any]]:
-    """Read the samples of one video, in order: `image` (h, w, 3) RGB, `masks` (4, h, w) bool, `taxonomy` one-hot, words."""
-    outlines = json.loads(json_path.read_text(encoding="utf-8"))
-    with h5py.File(h5_path) as file:
-        for n in range(len(file["data/inpainted"])):
-            yield _sample(file["data"], n, outlines[str(n)])
+def read_sample(h5_path: Path, row: int, outlines: dict[str, Any]) -> dict[str, Any]:
+    """Read a sample of a video and draw its outlines.
 
-
-def _sample(data: Any, n: int, outlines: dict[str, Any]) -> dict[str, Any]:
+    Returns `image` (h, w, 3) RGB, `masks` (4, h, w) bool, `taxonomy` one-hot, and words.
+    """
     size = outlines["original_size"]
-    return {
-        "image": data["inpainted"][n][..., ::-1],
-        "masks": np.stack([fill(outlines[key], *size) for key in CONTOURS]),
-        "taxonomy": data["taxonomy"][n],
-        **{key: data[key][n].decode("utf-8") for key in STRINGS},
-    }
+    with h5py.File(h5_path) as file:
+        data = file["data"]
+        return {
+            "image": data["inpainted"][row][..., ::-1],
+            "masks": np.stack([fill(outlines[key], *size) for key in CONTOURS]),
+            "taxonomy": data["taxonomy"][row],
+            **{key: data[key][row].decode("utf-8") for key in STRINGS},
+        }

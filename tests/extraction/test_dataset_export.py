@@ -53,7 +53,9 @@ def test_2hands_gives_masks_without_holes_back(root, tmp_path):
     export_2hands.export(root, tmp_path)
     items = list(load.Dataset(root, "train"))
     videos = [tmp_path / "train" / "h5" / name for name in ("0-5_P01_01.h5", "6-10_P01_02.h5")]
-    read = (got for h5 in videos for got in export_2hands.read_video(h5, h5.parents[1] / "jsons" / f"{h5.stem}.json"))
+    outlines = [json.loads((tmp_path / "train" / "jsons" / f"{h5.stem}.json").read_text()) for h5 in videos]
+    read = (export_2hands.read_sample(h5, int(n), one)
+            for h5, rows in zip(videos, outlines, strict=True) for n, one in rows.items())
     for got, sample, item in zip(read, samples("train"), items, strict=True):
         for found, mask in zip(got["masks"], sample.masks, strict=True):
             assert np.array_equal(found, binary_fill_holes(mask))

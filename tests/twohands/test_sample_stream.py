@@ -1,21 +1,24 @@
-"""Samples that are read from Parquet shards on demand are those of the decoded cache, to the byte, and in bounded memory."""
+"""Samples that are read from their files on demand are those of the data set, to the byte, and in bounded memory."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.ipc as ipc
 import pyarrow.parquet as pq
 import pytest
 from blake3 import blake3
 
 from afford.common.errors import SourceError
-from afford.dataset.load import Item
+from afford.dataset import export_2hands
+from afford.dataset.load import Dataset, Item
 from afford.training.sampler import BalancedSampler
 from afford.twohands.train.augment import Augmentation
-from afford.twohands.train.sample_cache import SampleCache, write_cache
-from afford.twohands.train.sample_stream import SHARDS, Bounded, SampleStream, label_rows, open_samples, write_samples
-from afford.twohands.train.samples import NUMBERS, WORDS, Files, Split, files_below, read_split
+from afford.twohands.train.sample_stream import LABELS, SHARDS, Bounded, SampleStream, label_rows, shrink, write_samples
+from afford.twohands.train.samples import NUMBERS, WORDS, Files, Split, files_below, group_of, is_validation, taxonomy_of
 from afford.twohands.train.task import Batches, InputSize
 from stages.extraction import dataset_pack
 from tests.helpers.made_samples import Scratch, clip
@@ -32,13 +35,18 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Files:
     return files_below(folder / "dataset")
 
 
-def both(data: Files, folder: Path, division: Split, part: str) -> tuple[SampleCache, SampleStream]:
-    """The decoded cache, and the stream."""
-    write_cache(read_split(data, division, part), folder / "cache" / part, LARGEST)
+def root_of(data: Files) -> Path:
+    """Folder of the data set."""
+    return next(path for name, path in data.items() if name.endswith(".parquet")).parents[1]
+
+
+def both(data: Files, folder: Path, division: Split, part: str) -> tuple[list[Item], SampleStream]:
+    """Samples as the reader of data sets gives them, in the size of the stream, and the stream."""
+    items = [item for split in ((part,) if division.by == "given" else ("train", "val")) for item in Dataset(root_of(data), split)]
+    chosen = [shrink(item, LARGEST) for item in items
+              if division.by == "given" or is_validation(group_of(item, division.by), division) == (part == "val")]
     write_samples(data, division, part, folder / "stream" / part, LARGEST)
-    streamed = open_samples(folder / "stream" / part)
-    assert isinstance(streamed, SampleStream)
-    return SampleCache(folder / "cache" / part), streamed
+    return chosen, SampleStream(folder / "stream" / part)
 
 
 def equal(one: Item, other: Item) -> bool:
@@ -49,26 +57,26 @@ def equal(one: Item, other: Item) -> bool:
 
 @pytest.mark.parametrize("part", ["train", "val"])
 @pytest.mark.parametrize("by", ["given", "video", "object"])
-def test_streamed_samples_are_those_of_the_cache(data: Files, tmp_path: Path, by: str, part: str) -> None:
+def test_streamed_samples_are_those_of_the_data_set(data: Files, tmp_path: Path, by: str, part: str) -> None:
     """Samples in any order, twice; their labels; for every way to divide."""
-    cached, streamed = both(data, tmp_path, Split(by, 0.4, 1), part)
-    assert len(cached) == len(streamed) > 0
-    order = np.random.default_rng(0).permutation(len(cached)).tolist()
-    assert all(equal(cached[n], streamed[n]) for n in [*order, *order])
+    wanted, streamed = both(data, tmp_path, Split(by, 0.4, 1), part)
+    assert len(wanted) == len(streamed) > 0
+    order = np.random.default_rng(0).permutation(len(wanted)).tolist()
+    assert all(equal(wanted[n], streamed[n]) for n in [*order, *order])
     names = ("video", "narration", "verb", "noun", "taxonomy")
-    assert list(label_rows(cached, *names)) == list(label_rows(streamed, *names))
+    assert list(label_rows(streamed, *names)) == [tuple(getattr(item, name) for name in names) for item in wanted]
 
 
 def test_batches_are_the_same_to_the_byte(data: Files, tmp_path: Path) -> None:
     """Cropped, mirrored and coloured batches of a training, from either."""
-    def digests(samples: SampleCache | SampleStream) -> list[str]:
-        sampler = BalancedSampler(list(label_rows(samples, "verb", "taxonomy")), 0.5, 0)
+    def digests(samples: list[Item] | SampleStream) -> list[str]:
+        sampler = BalancedSampler([(item.verb, item.taxonomy) for item in samples], 0.5, 0)
         batches = Batches(samples, sampler, Augmentation(), InputSize((32, 64)), 4, 0, coarse=2)
         return [blake3(b"".join(part.tobytes() if isinstance(part, np.ndarray) else repr(part).encode() for part in batches(n)))
                 .hexdigest() for n in range(6)]  # fmt: skip
 
-    cached, streamed = both(data, tmp_path, Split(), "train")
-    assert digests(cached) == digests(streamed)
+    wanted, streamed = both(data, tmp_path, Split(), "train")
+    assert digests(wanted) == digests(streamed)
 
 
 def test_pictures_are_read_in_place(data: Files, tmp_path: Path) -> None:
@@ -83,8 +91,8 @@ def test_pictures_are_read_in_place(data: Files, tmp_path: Path) -> None:
             pq.write_table(pq.read_table(path), squeezed / Path(name).name, compression="snappy", row_group_size=3)
     again = files_below(tmp_path / "squeezed")
     write_samples(again, Split(), "train", tmp_path / "again", LARGEST)
-    other = open_samples(tmp_path / "again")
-    assert isinstance(other, SampleStream) and other._group(0, 0).places is None
+    other = SampleStream(tmp_path / "again")
+    assert other._group(0, 0).places is None
     assert all(equal(one, two) for one, two in zip(streamed, other, strict=True))
 
 
@@ -97,10 +105,10 @@ def test_no_decoded_copy_is_written(data: Files, tmp_path: Path) -> None:
 
 def test_memory_is_bounded(data: Files, tmp_path: Path) -> None:
     """Samples are read again with room for two of them and one group, and are the same."""
-    cached, _ = both(data, tmp_path, Split(), "train")
+    wanted, _ = both(data, tmp_path, Split(), "train")
     small = SampleStream(tmp_path / "stream" / "train", encoded_bytes=1, decoded_bytes=2 * 40 * 64 * 4)
     for n in (*range(len(small)), *range(len(small))):
-        assert equal(small[n], cached[n])
+        assert equal(small[n], wanted[n])
         assert small._decoded.used <= small._decoded.limit and small._groups.used <= 1
 
 
@@ -124,7 +132,7 @@ def test_an_index_is_made_once(data: Files, tmp_path: Path) -> None:
     assert (tmp_path / "one" / SHARDS).stat().st_mtime_ns == before
     (tmp_path / "one" / SHARDS).unlink()
     write_samples(data, Split(), "train", tmp_path / "one", LARGEST)
-    assert len(open_samples(tmp_path / "one"))
+    assert len(SampleStream(tmp_path / "one"))
 
 
 def test_damage_is_named(data: Files, tmp_path: Path) -> None:
@@ -138,7 +146,7 @@ def test_damage_is_named(data: Files, tmp_path: Path) -> None:
     shard.write_bytes(whole[:at] + bytes([whole[at] ^ 255]) + whole[at + 1 :])
     write_samples(files_below(tmp_path / "bad"), Split(), "train", tmp_path / "index", LARGEST)
     with pytest.raises(SourceError, match=r"train-00000.*a whole shard"):
-        list(open_samples(tmp_path / "index"))
+        list(SampleStream(tmp_path / "index"))
 
 
 def test_undecodable_pictures_are_named(data: Files, tmp_path: Path) -> None:
@@ -150,4 +158,56 @@ def test_undecodable_pictures_are_named(data: Files, tmp_path: Path) -> None:
     pq.write_table(type(table).from_pylist(rows, table.schema), tmp_path / "data" / "train-0.parquet")
     write_samples(files_below(tmp_path), Split(), "train", tmp_path / "index", LARGEST)
     with pytest.raises(ValueError, match=f"{rows[1]['sample_id']}: expected image to be a JPEG or PNG"):
-        list(open_samples(tmp_path / "index"))
+        list(SampleStream(tmp_path / "index"))
+
+
+def as_arrow(data: Files, folder: Path, **options: Any) -> Files:
+    """The training split as streams of three rows a batch, without its numbers."""
+    folder.mkdir()
+    for n, path in enumerate(path for name, path in sorted(data.items()) if "train-" in name):
+        table = pq.read_table(path).drop_columns(["taxonomy", "frame"])
+        with pa.OSFile(str(folder / f"data-{n}.arrow"), "wb") as sink, ipc.new_stream(sink, table.schema, **options) as writer:
+            writer.write_table(table, max_chunksize=3)
+    return files_below(folder)
+
+
+def test_samples_of_arrow_streams_are_read_in_place(data: Files, tmp_path: Path) -> None:
+    """In any order, as those of the shards; the taxonomy is that of the masks; only the index is written."""
+    wanted, _ = both(data, tmp_path, Split(), "train")
+    write_samples(as_arrow(data, tmp_path / "arrow"), Split(), "train", tmp_path / "index", LARGEST)
+    found = SampleStream(tmp_path / "index", decoded_bytes=1)
+    before = pa.total_allocated_bytes()
+    for n in np.random.default_rng(0).permutation(len(wanted)).tolist():
+        assert np.array_equal(found[n].image, wanted[n].image) and np.array_equal(found[n].masks, wanted[n].masks)
+        assert (found[n].sample_id, found[n].noun) == (wanted[n].sample_id, wanted[n].noun)
+        assert found[n].taxonomy == found.column("taxonomy")[n] == taxonomy_of(wanted[n].masks)
+    assert len(found) == len(wanted) and pa.total_allocated_bytes() - before < 1 << 20
+    assert {path.name for path in (tmp_path / "index").iterdir()} == {LABELS, SHARDS}
+
+
+def test_samples_of_released_videos_are_read_one_by_one(data: Files, tmp_path: Path) -> None:
+    """In any order, with one video's outlines in memory; divided by videos; pictures and words are those of the shards."""
+    export_2hands.export(root_of(data), tmp_path / "set")
+    files, division = files_below(tmp_path / "set"), Split("video", 0.4, 1)
+    wanted, _ = both(data, tmp_path, division, "train")
+    write_samples(files, division, "train", tmp_path / "index", LARGEST)
+    found = SampleStream(tmp_path / "index", encoded_bytes=1, decoded_bytes=1)
+    for n in np.random.default_rng(0).permutation(len(wanted)).tolist():
+        assert np.array_equal(found[n].image, wanted[n].image) and not (wanted[n].masks & ~found[n].masks).any()
+        assert (found[n].video, found[n].verb, found[n].narration) == (wanted[n].video, wanted[n].verb, wanted[n].narration)
+    assert len(found) == len(wanted) and {path.name for path in (tmp_path / "index").iterdir()} == {LABELS, SHARDS}
+
+
+def test_files_that_cannot_be_read_one_by_one_are_refused(data: Files, tmp_path: Path) -> None:
+    """Compressed and damaged streams, a video without outlines, and one that is no HDF5: one sentence each."""
+    squeezed = as_arrow(data, tmp_path / "squeezed", options=ipc.IpcWriteOptions(compression="zstd"))
+    broken, video, outlines = tmp_path / "broken.arrow", tmp_path / "0-1_P1.h5", tmp_path / "0-1_P1.json"
+    broken.write_bytes(b"no stream")
+    video.write_bytes(b"no video")
+    outlines.write_text("{}")
+    for files, hint in ((squeezed, "data-0.arrow: expected an Arrow stream without compression"),
+                        ({"train/broken.arrow": broken}, "broken.arrow: expected an Arrow stream, as save_to_disk writes it"),
+                        ({"train/h5/0-1_P1.h5": video}, "expected its outlines in train/jsons/0-1_P1.json"),
+                        ({"train/h5/0-1_P1.h5": video, "train/jsons/0-1_P1.json": outlines}, "expected a video of the released")):
+        with pytest.raises(ValueError, match=hint):
+            write_samples(files, Split(), "train", tmp_path / "index", LARGEST)

@@ -14,13 +14,14 @@ from PIL import Image
 from afford.dataset import export_2hands
 from afford.dataset.load import Dataset, Item
 from afford.training.sampler import BalancedSampler
-from afford.twohands.train import sample_cache
 from afford.twohands.train import samples as data
 from afford.twohands.train.augment import Augmentation, augment, benchmark_crop, mask_centre, replace_nouns, uncropped
+from afford.twohands.train.sample_stream import shrink
 from afford.twohands.train.task import Batches, InputSize
 from afford.twohands.train.validation import THRESHOLDS, iou_and_precision
 from stages.extraction import dataset_pack
 from tests.helpers.made_samples import Scratch, clip
+from tests.helpers.read_samples import read_items
 
 SIZE = (48, 64)
 
@@ -40,7 +41,7 @@ def packed(folder: Path) -> data.Files:
 
 def test_our_own_data_set(packed: data.Files, folder: Path) -> None:
     """The same items as `afford.dataset.load` gives, but for the motion."""
-    found, wanted = list(data.read_items(packed, "train")), list(Dataset(folder, "train"))
+    found, wanted = list(read_items(packed, "train")), list(Dataset(folder, "train"))
     assert len(found) == len(wanted) == 24 and data.splits(packed) == ["train", "val"]
     for a, b in zip(found, wanted, strict=True):
         assert np.array_equal(a.image, b.image) and np.array_equal(a.masks, b.masks)
@@ -51,7 +52,7 @@ def test_the_released_form(packed: data.Files, folder: Path, tmp_path: Path) -> 
     """h5 and json of 2HANDS: the words, the taxonomy, the outer contours."""
     export_2hands.export(folder, tmp_path)
     made = data.files_below(tmp_path)
-    found, wanted = list(data.read_items(made, "train")), list(data.read_items(packed, "train"))
+    found, wanted = list(read_items(made, "train")), list(read_items(packed, "train"))
     assert data.splits(made) == ["train", "val"]
     for a, b in zip(found, wanted, strict=True):
         assert (a.narration, a.taxonomy, a.verb, a.noun, a.video) == (b.narration, b.taxonomy, b.verb, b.noun, b.video)
@@ -72,7 +73,7 @@ def test_any_folder_of_datasets(form: str, tmp_path: Path) -> None:
         datasets.DatasetDict({"train": made, "validation": made}).save_to_disk(str(tmp_path))
     else:
         made.to_parquet(tmp_path / "train.parquet")
-    found = list(data.read_items(data.files_below(tmp_path), "train"))
+    found = list(read_items(data.files_below(tmp_path), "train"))
     assert [(item.narration, item.taxonomy) for item in found] == [("open jar", 0), ("lift pot", 2)]
     assert found[0].masks.sum((1, 2)).tolist() == [16, 0, 0, 0] and found[0].image[0, 0, 0] > 190
     assert data.splits(data.files_below(tmp_path)) == (["train", "val"] if form == "disk" else ["train"])
@@ -84,7 +85,7 @@ def test_unreadable_data_sets_are_refused(tmp_path: Path) -> None:
         data.splits(data.files_below(tmp_path))
     datasets.Dataset.from_dict({"image": ["x"], "narration": ["y"]}).to_parquet(tmp_path / "train.parquet")
     with pytest.raises(ValueError, match=r"train.parquet: expected the columns .* found no mask_left, mask_right"):
-        list(data.read_items(data.files_below(tmp_path), "train"))
+        list(read_items(data.files_below(tmp_path), "train"))
     good = {"bytes": b"no picture", "path": ""}
     with pytest.raises(ValueError, match="open jar: expected image to be a JPEG or PNG, got 10 other bytes"):
         data.item_of_row({"narration": "open jar", "image": good, "mask_left": good, "mask_right": good})
@@ -94,7 +95,7 @@ def test_unreadable_data_sets_are_refused(tmp_path: Path) -> None:
 
 def test_parts_never_meet(packed: data.Files) -> None:
     """Divided by video or by object, no group is in both parts, nothing is lost, and the hash decides for each group alone."""
-    everything = {item.sample_id for split in ("train", "val") for item in data.read_items(packed, split)}
+    everything = {item.sample_id for split in ("train", "val") for item in read_items(packed, split)}
     for by, label in (("video", "video"), ("object", "noun")):
         division = next(d for d in (data.Split(by, 0.4, seed) for seed in range(99)) if all(parts(packed, d)))
         train, val = parts(packed, division)
@@ -105,20 +106,15 @@ def test_parts_never_meet(packed: data.Files) -> None:
 
 
 def parts(files: data.Files, division: data.Split) -> tuple[list[Item], list[Item]]:
-    return list(data.read_split(files, division, "train")), list(data.read_split(files, division, "val"))
+    return list(read_items(files, "train", division)), list(read_items(files, "val", division))
 
 
-def test_the_cache_is_the_samples(packed: data.Files, tmp_path: Path) -> None:
-    """Samples survive at full size, a complete cache is kept, and larger samples are shrunk with their aspect ratio."""
-    wanted = list(data.read_items(packed, "train"))
-    sample_cache.write_cache(iter(wanted), tmp_path / "c", (64, 96))
-    sample_cache.write_cache(iter([]), tmp_path / "c", (64, 96))
-    for a, b in zip(sample_cache.SampleCache(tmp_path / "c"), wanted, strict=True):
-        assert np.array_equal(a.image, b.image) and np.array_equal(a.masks, b.masks) and a.narration == b.narration
-    sample_cache.write_cache(iter(wanted), tmp_path / "small", (16, 96))
-    small = sample_cache.SampleCache(tmp_path / "small")[0]
+def test_larger_samples_are_shrunk(packed: data.Files) -> None:
+    """With their aspect ratio; smaller ones stay as they are."""
+    whole = next(read_items(packed, "train"))
+    small = shrink(whole, (16, 96))
     assert small.image.shape == (16, 24, 3) and small.masks.shape == (4, 16, 24)
-    assert abs(small.masks[2].mean() - wanted[0].masks[2].mean()) < 0.02
+    assert abs(small.masks[2].mean() - whole.masks[2].mean()) < 0.02 and shrink(whole, (64, 96)) is whole
 
 
 def test_order_is_a_function_of_seed_and_position() -> None:
@@ -147,7 +143,7 @@ def test_balance_makes_classes_equal() -> None:
 
 def test_batches_are_a_function_of_their_number(packed: data.Files) -> None:
     """The same batch at any time; two batches of two are the one of four; tasks and pictures of one sample stay together."""
-    samples = list(data.read_items(packed, "train"))
+    samples = list(read_items(packed, "train"))
     order = BalancedSampler([item.taxonomy for item in samples], 0.5, 3)
     batches = Batches(samples, order, Augmentation(), InputSize(SIZE), 4, 3)
     first = batches(7)
@@ -162,7 +158,7 @@ def test_batches_are_a_function_of_their_number(packed: data.Files) -> None:
 
 def test_coarse_batches_come_first_and_lose_no_sample(packed: data.Files) -> None:
     """Coarse batches have twice as many samples at half the size, then the sequence continues; odd sizes are refused."""
-    samples = list(data.read_items(packed, "train"))
+    samples = list(read_items(packed, "train"))
     fine = Batches(samples, BalancedSampler([0] * len(samples), 0, 3), Augmentation(), InputSize((64, 96)), 4, 3)
     coarse = replace(fine, coarse=2)
     assert [coarse(n).image.shape for n in (1, 2)] == [(8, 32, 48, 3), (4, 64, 96, 3)]
@@ -178,7 +174,7 @@ def test_coarse_batches_come_first_and_lose_no_sample(packed: data.Files) -> Non
 
 def test_views_are_seeded_and_keep_picture_and_masks_together(packed: data.Files) -> None:
     """The same position gives the same view; a mirrored view swaps sides and words; a crop holds the objects whole."""
-    samples = list(data.read_items(packed, "train"))
+    samples = list(read_items(packed, "train"))
     plain = Augmentation(colour_share=0, stretch_share=0)
     for n, item in enumerate(samples):
         painted = replace(item, image=np.where(item.masks[2:].any(0)[..., None], np.uint8(255), np.uint8(0)).repeat(3, 2))
@@ -198,7 +194,7 @@ def test_views_are_seeded_and_keep_picture_and_masks_together(packed: data.Files
 
 def test_change_width_keeps_height_and_shares(packed: data.Files) -> None:
     """The width changes by at most the factors; height and the share of each mask are kept."""
-    item = next(iter(data.read_items(packed, "train")))
+    item = next(iter(read_items(packed, "train")))
     for n in range(8):
         widened = Augmentation(0, 0, stretch_share=1, stretch_range=(0.5, 2.0), nameless_share=0, colour_share=0)
         seen = augment(item, widened, 1, n).item
@@ -210,7 +206,7 @@ def test_change_width_keeps_height_and_shares(packed: data.Files) -> None:
 def test_a_view_knows_where_it_is_in_the_picture(packed: data.Files) -> None:
     """The centre is that of the objects in the whole picture, cropped or not, and is mirrored with it."""
     assert mask_centre(np.array([[False, False, True, True]])).tolist() == [0.5, 0.0]
-    for n, item in enumerate(data.read_items(packed, "train")):
+    for n, item in enumerate(read_items(packed, "train")):
         wanted = uncropped(item).centre
         assert np.array_equal(benchmark_crop(item, Augmentation()).centre, wanted)
         mirrored = augment(item, Augmentation(flip_share=1), 1, n).centre
@@ -219,7 +215,7 @@ def test_a_view_knows_where_it_is_in_the_picture(packed: data.Files) -> None:
 
 def test_samples_with_replaced_nouns_are_cropped(packed: data.Files) -> None:
     """Each noun becomes its own random word, other words are kept, and the sample is cropped."""
-    item = replace(next(iter(data.read_items(packed, "train"))), narration="pour from can into mug, canned", object_left="can",
+    item = replace(next(iter(read_items(packed, "train"))), narration="pour from can into mug, canned", object_left="can",
                    object_right="mug", noun="can")  # fmt: skip
     words = replace_nouns(item, np.random.default_rng(0)).narration.split()
     assert words[:2] + words[3:4] + words[5:] == ["pour", "from", "into", "canned"]
@@ -248,4 +244,4 @@ def test_a_flipped_bit_is_not_learned(tmp_path: Path) -> None:
     flipped[flipped.index(b"JFIF") + 700] ^= 1  # in a picture
     path.write_bytes(bytes(flipped))
     with pytest.raises(ValueError, match=r"train-00000-of-00001\.parquet: expected a whole shard of a data set"):
-        list(data.read_items({f"data/{path.name}": path}, "train"))
+        list(read_items({f"data/{path.name}": path}, "train"))

@@ -26,8 +26,7 @@ from afford.twohands.model.interface import ModelConfig, TwoHands, build
 from afford.twohands.model.losses import LossParams
 from afford.twohands.model.model_folder import save_model, vocabulary_of, write_vocabulary
 from afford.twohands.train.augment import Augmentation, AugmentedSample, benchmark_crop, uncropped
-from afford.twohands.train.sample_cache import SampleCache
-from afford.twohands.train.sample_stream import SampleStream, label_rows, open_samples, write_samples
+from afford.twohands.train.sample_stream import SampleStream, label_rows, write_samples
 from afford.twohands.train.samples import Split
 from afford.twohands.train.task import Batches, InputSize, TwoHandsTask, validation_batches
 from schemas.affordance import TAXONOMY
@@ -156,19 +155,19 @@ class TwoHandsJob:
         largest = tuple(round(side * self.zoom) for side in self.config.size_px)
         for name in ("train", "val"):
             write_samples(data, self.division, name, scratch / name, (largest[0], largest[1]))
-            if not len(open_samples(scratch / name)):
+            if not len(SampleStream(scratch / name)):
                 raise ValueError(f"data set: expected samples in the part {name}, found none; choose another split_by or "
                                  "val_fraction")
 
     def task(self, scratch: Path, processes: int) -> TwoHandsTask:
         """Build a new model with its training and validation batches."""
-        samples, input_size = open_samples(scratch / "train"), InputSize(self.config.size_px)
+        samples, input_size = SampleStream(scratch / "train"), InputSize(self.config.size_px)
         if self.config.variant in CHECKED:
-            load(CHECKED, self.config.variant)(self, len(samples), len(open_samples(scratch / "val")))
+            load(CHECKED, self.config.variant)(self, len(samples), len(SampleStream(scratch / "val")))
         sampler = BalancedSampler(list(label_rows(samples, "verb", "taxonomy")), self.balance, self.seed)
         coarse = round(self.coarse_share * self.plan.steps) * self.plan.accumulate * processes
         batches = Batches(samples, sampler, self.views, input_size, self.batch, self.seed, coarse)
-        validation = validation_batches(self.validation_samples(open_samples(scratch / "val")), input_size, self.batch)
+        validation = validation_batches(self.validation_samples(SampleStream(scratch / "val")), input_size, self.batch)
         model = build(self.config, self.seed, as_stored=self.frozen_dtype != FULL)
         if self.frozen_dtype != FULL:
             store_frozen(model, dtype_of(self.frozen_dtype))
@@ -191,7 +190,7 @@ class TwoHandsJob:
     def save(self, model: nn.Module, folder: Path, scratch: Path) -> None:
         """Write the model and words.json, the vocabulary of the training split."""
         save_model(_own(model), folder)
-        rows = label_rows(open_samples(scratch / "train"), "narration", "verb", "noun")
+        rows = label_rows(SampleStream(scratch / "train"), "narration", "verb", "noun")
         write_vocabulary(vocabulary_of((task, verb, noun) for task, verb, noun in rows), folder)
 
     def card(self, name: str, dataset: Dataset, scratch: Path, model: nn.Module, curves: TrainingLog) -> str:
@@ -224,10 +223,10 @@ def calibrated_config(config: ModelConfig, validation: Mapping[str, float]) -> M
 
 def describe_splits(scratch: Path) -> dict[str, dict[str, Any]]:
     """Counts of samples, videos, verbs, nouns and taxonomy classes of both splits."""
-    return {name: _counts(open_samples(scratch / name)) for name in ("train", "val")}
+    return {name: _counts(SampleStream(scratch / name)) for name in ("train", "val")}
 
 
-def _counts(samples: SampleStream | SampleCache) -> dict[str, Any]:
+def _counts(samples: SampleStream) -> dict[str, Any]:
     sets = {name: len(set(samples.column(name))) for name in ("video", "verb", "noun")}
     return {"samples": len(samples), **sets, "taxonomy": dict(sorted(Counter(samples.column("taxonomy")).items()))}
 

@@ -1,9 +1,9 @@
-"""Samples read from Parquet shards when they are needed, in any order; no decoded copy is written.
+"""Samples read from their files when they are needed, in any order; no decoded copy is written.
 
 An index of labels is made first. The pictures of a row group are looked up when one of them is first needed: where the file has
 them uncompressed, as those of `dataset_pack`, a sample then costs its own bytes alone, through a memory map; elsewhere its row
 group is read. Encoded row groups and decoded samples are kept in memory up to fixed limits, so that a small data set is decoded
-once. Other files than Parquet are decoded into a `sample_cache`.
+once. Samples of Arrow streams and of released h5 files are read one by one (single_samples.py).
 """
 
 from __future__ import annotations
@@ -13,10 +13,12 @@ import mmap
 import os
 from collections import OrderedDict
 from collections.abc import Hashable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from threading import Lock
 from typing import Any, Generic, NamedTuple, TypeVar
 
+import cv2
 import numpy as np
 import pyarrow as pa
 import pyarrow.ipc as ipc
@@ -25,7 +27,7 @@ import pyarrow.parquet as pq
 from afford.dataset.load import Item
 from afford.dataset.parquet_shards import damage_as_error, open_shard
 from afford.dataset.table_schema import MASKS
-from afford.twohands.train.sample_cache import SampleCache, shrink, write_cache
+from afford.twohands.train import single_samples
 from afford.twohands.train.samples import (
     GIVEN,
     NO_MOTION,
@@ -36,14 +38,14 @@ from afford.twohands.train.samples import (
     group_of,
     is_validation,
     item_of_row,
-    read_split,
     released,
     splits,
     tables,
     wanted_columns,
 )
+from afford.twohands.train.single_samples import Shard
 
-LABELS, SHARDS = "labels.arrow", "shards.json"
+LABELS, SHARDS, PARQUET = "labels.arrow", "shards.json", ".parquet"
 ENCODED_BYTES, DECODED_BYTES = 256 << 20, 768 << 20
 """limits of the row groups and of the samples that are kept in memory"""
 PICTURE = "image.bytes"
@@ -83,22 +85,21 @@ class Bounded(Generic[V]):
 
 
 def write_samples(data: Files, division: Split, name: str, folder: Path, largest_px: tuple[int, int]) -> None:
-    """Prepare the part `name` (train, val) of a data set for `open_samples`.
+    """Prepare the part `name` (train, val) of a data set for `SampleStream`.
 
     Pictures larger than `largest_px` (height, width) are shrunk when they are read. ValueError for a part without samples of its
     own, or for a table without the needed columns.
     """
-    if not _is_parquet(data, division, name):
-        write_cache(read_split(data, division, name), folder, largest_px)
-        return
     if (folder / SHARDS).is_file():
         return
     folder.mkdir(parents=True, exist_ok=True)
-    shards = [shard for split in _splits(data, division, name) for shard in tables(data)[split]]
+    files, videos = tables(data), released(data)
+    shards = [shard for split in _splits(data, division, name) for shard in (*videos.get(split, ()), *files.get(split, ()))]
     chosen = pa.concat_tables([_labels(data, shard, n, division, name) for n, shard in enumerate(shards)] or [_no_labels()])
     with pa.OSFile(str(folder / LABELS), "wb") as sink, ipc.new_file(sink, chosen.schema) as writer:
         writer.write_table(chosen)
-    listed = {"largest_px": list(largest_px), "shards": [[shard, str(data[shard].absolute())] for shard in shards]}
+    used = [one for shard in shards for one in (shard, single_samples.outlines_of(shard)) if one in data]
+    listed = {"largest_px": list(largest_px), "shards": shards, "files": {name: str(data[name].absolute()) for name in used}}
     (folder / f"{SHARDS}.partial").write_text(json.dumps(listed))
     os.replace(folder / f"{SHARDS}.partial", folder / SHARDS)
 
@@ -110,12 +111,6 @@ def _splits(data: Files, division: Split, name: str) -> list[str]:
     if name not in found:
         raise ValueError(f"data set: expected a split {name}, found {', '.join(found)}; set split_by=video to split it here")
     return [name]
-
-
-def _is_parquet(data: Files, division: Split, name: str) -> bool:
-    used = _splits(data, division, name)
-    return not any(released(data).get(split) for split in used) and all(
-        shard.endswith(".parquet") for split in used for shard in tables(data).get(split, ()))
 
 
 class Labelled(NamedTuple):
@@ -134,6 +129,22 @@ def _no_labels() -> pa.Table:
 def _labels(data: Files, shard: str, number: int, division: Split, part: str) -> pa.Table:
     """Labels of the samples of a shard that belong to a part, with their places."""
     rows: dict[str, list[Any]] = {name: [] for name in _no_labels().column_names}
+    for group, row, found in _parquet_labels(data, shard) if shard.endswith(PARQUET) else _single_labels(data, shard):
+        words = {name: found.get(name) or "" for name in ("video", "narration", "verb", "noun")}
+        label = Labelled(str(found.get("sample_id") or words["narration"]), words["video"], words["noun"])
+        if division.by != GIVEN and is_validation(group_of(label, division.by), division) != (part == "val"):
+            continue
+        for name, value in {"shard": number, "group": group, "row": row, "taxonomy": found["taxonomy"], **words}.items():
+            rows[name].append(value)
+    return pa.table(rows, schema=_no_labels().schema)
+
+
+def _single_labels(data: Files, shard: str) -> Iterator[tuple[int, int, dict[str, Any]]]:
+    yield from ((0, row, labels) for row, labels in enumerate(single_samples.open_shard(data, shard).labels()))
+
+
+def _parquet_labels(data: Files, shard: str) -> Iterator[tuple[int, int, dict[str, Any]]]:
+    """Yield row group, row and labels of the samples of a shard."""
     with open_shard(data[shard], shard) as file, damage_as_error(data[shard], shard):
         there = wanted_columns(PurePosixPath(shard), file.schema_arrow)
         plain = [name for name in ("sample_id", *LABEL_COLUMNS) if name in there]
@@ -141,14 +152,7 @@ def _labels(data: Files, shard: str, number: int, division: Split, part: str) ->
             known = "taxonomy" in there and not _has_nulls(file, group, "taxonomy")
             table = file.read_row_group(group, columns=plain if known else there, use_threads=False)
             for row, labels in enumerate(table.to_pylist()):
-                found = labels if known else {**labels, "taxonomy": item_of_row(labels).taxonomy}
-                words = {name: found.get(name) or "" for name in ("video", "narration", "verb", "noun")}
-                label = Labelled(str(found.get("sample_id") or words["narration"]), words["video"], words["noun"])
-                if division.by != GIVEN and is_validation(group_of(label, division.by), division) != (part == "val"):
-                    continue
-                for name, value in {"shard": number, "group": group, "row": row, "taxonomy": found["taxonomy"], **words}.items():
-                    rows[name].append(value)
-    return pa.table(rows, schema=_no_labels().schema)
+                yield group, row, labels if known else {**labels, "taxonomy": item_of_row(labels).taxonomy}
 
 
 def _has_nulls(file: pq.ParquetFile, group: int, column: str) -> bool:
@@ -185,12 +189,14 @@ class SampleStream(Sequence[Item]):
     def __init__(self, folder: Path, encoded_bytes: int = ENCODED_BYTES, decoded_bytes: int = DECODED_BYTES) -> None:
         """Open the index; the shards are opened when they are needed."""
         listed = json.loads((folder / SHARDS).read_text())
-        self._shards = [(name, Path(path)) for name, path in listed["shards"]]
+        self._files = {name: Path(path) for name, path in listed["files"].items()}
+        self._shards = [(name, self._files[name]) for name in listed["shards"]]
         self._largest = listed["largest_px"][0], listed["largest_px"][1]
         with pa.memory_map(str(folder / LABELS)) as source:
             self._table = ipc.open_file(source).read_all()
         self._place = np.stack([self._table[name].to_numpy() for name in ("shard", "group", "row")], 1)
         self._groups: Bounded[_Group] = Bounded(encoded_bytes)
+        self._single: Bounded[Shard] = Bounded(encoded_bytes)
         self._decoded: Bounded[_Packed] = Bounded(decoded_bytes)
         self._maps: dict[int, mmap.mmap] = {}
 
@@ -214,14 +220,25 @@ class SampleStream(Sequence[Item]):
 
     def _decode(self, at: int) -> _Packed:
         shard, group, row = (int(one) for one in self._place[at])
+        whole = self._of_group(shard, group, row) if self._shards[shard][0].endswith(PARQUET) else self._shard(shard).item(row)
+        item = shrink(whole, self._largest)
+        return _Packed(item.image, np.packbits(item.masks), {name: getattr(item, name) for name in (*WORDS, *NUMBERS)})
+
+    def _shard(self, shard: int) -> Shard:
+        kept = self._single.get(shard)
+        if kept is None:
+            kept = single_samples.open_shard(self._files, self._shards[shard][0])
+            self._single.put(shard, kept, kept.nbytes)
+        return kept
+
+    def _of_group(self, shard: int, group: int, row: int) -> Item:
         found = self._group(shard, group)
         if found.places is None:
             picture = found.pictures[row]
         else:
             first, last = found.places[row]
             picture = {"bytes": self._map(shard)[first:last]}
-        item = shrink(item_of_row({**found.rows[row], "image": picture}), self._largest)
-        return _Packed(item.image, np.packbits(item.masks), {name: getattr(item, name) for name in (*WORDS, *NUMBERS)})
+        return item_of_row({**found.rows[row], "image": picture})
 
     def _group(self, shard: int, group: int) -> _Group:
         kept = self._groups.get((shard, group))
@@ -260,11 +277,24 @@ class SampleStream(Sequence[Item]):
         return self._maps[shard]
 
 
-def open_samples(folder: Path) -> SampleStream | SampleCache:
-    """Open what `write_samples` prepared."""
-    return SampleStream(folder) if (folder / SHARDS).is_file() else SampleCache(folder)
+def shrink(item: Item, largest_px: tuple[int, int]) -> Item:
+    """Shrink a sample to fit `largest_px`."""
+    height, width = item.image.shape[:2]
+    scale = min(1.0, largest_px[0] / height, largest_px[1] / width)
+    if scale == 1.0:
+        return item
+    size = max(1, round(width * scale)), max(1, round(height * scale))
+    masks = np.stack([_shrink_mask(plane, size) for plane in item.masks])
+    return replace(item, image=cv2.resize(item.image, size, interpolation=cv2.INTER_AREA), masks=masks)
 
 
-def label_rows(samples: SampleStream | SampleCache, *names: str) -> Iterator[tuple[Any, ...]]:
+def _shrink_mask(plane: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    """Mask (h, w) bool at a smaller size (width, height): pixels that it covers by half."""
+    if not plane.any():
+        return np.zeros(size[::-1], bool)
+    return np.asarray(cv2.resize(plane.view(np.uint8) * np.uint8(255), size, interpolation=cv2.INTER_AREA) > 127)
+
+
+def label_rows(samples: SampleStream, *names: str) -> Iterator[tuple[Any, ...]]:
     """Yield the labels of every sample."""
     yield from zip(*(samples.column(name) for name in names), strict=True)

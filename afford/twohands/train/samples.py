@@ -1,4 +1,4 @@
-"""Read training samples, and split them into training and validation.
+"""Files, columns and rows of training samples, and their division into training and validation.
 
 A data set is one of `dataset_pack`, a released 2HANDS folder, or any folder that `datasets` wrote. Missing text is '', and a
 missing taxonomy is derived from the masks. The splits are those of the data set, or separate videos or objects.
@@ -7,7 +7,7 @@ missing taxonomy is derived from the masks. The splits are those of the data set
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any, Protocol
@@ -17,9 +17,8 @@ import numpy as np
 import pyarrow as pa
 from blake3 import blake3
 
-from afford.dataset.export_2hands import first_row, read_video
+from afford.dataset.export_2hands import first_row
 from afford.dataset.load import Item
-from afford.dataset.parquet_shards import damage_as_error, open_shard
 from afford.dataset.table_schema import MASKS
 
 Files = Mapping[str, Path]
@@ -66,28 +65,6 @@ def splits(files: Files) -> list[str]:
         raise ValueError("data set: expected *.parquet or *.arrow files, or <split>/h5/*.h5 with <split>/jsons/*.json, found none; "
                          "give the folder that `dataset_pack` or `save_to_disk` wrote")
     return found
-
-
-def read_items(files: Files, split: str) -> Iterator[Item]:
-    """Read the samples of one split, in the order of the files."""
-    for name in released(files).get(split, ()):
-        yield from _of_released(files, PurePosixPath(name))
-    for name in tables(files).get(split, ()):
-        for batch in _batches(PurePosixPath(name), files[name]):
-            yield from map(item_of_row, batch.to_pylist())
-
-
-def _batches(name: PurePosixPath, path: Path) -> Iterable[pa.RecordBatch]:
-    """Read the needed columns, some rows at a time. ValueError names missing columns."""
-    if name.suffix == ".parquet":
-        with open_shard(path, str(name)) as file:
-            wanted = wanted_columns(name, file.schema_arrow)
-            with damage_as_error(path, str(name)):
-                yield from file.iter_batches(64, columns=wanted, use_threads=False)
-        return
-    with pa.memory_map(str(path)) as source, pa.ipc.open_stream(source) as stream:
-        wanted = wanted_columns(name, stream.schema)
-        yield from (batch.select(wanted) for batch in stream)
 
 
 def wanted_columns(name: PurePosixPath, schema: pa.Schema) -> list[str]:
@@ -139,19 +116,6 @@ def _decode(picture: Any, name: str, column: str, kind: int) -> np.ndarray:
     return np.asarray(found)
 
 
-def _of_released(files: Files, name: PurePosixPath) -> Iterator[Item]:
-    """Read the samples of one video; the file name has its id and the number of the first sample."""
-    outlines = str(name.parent.parent / "jsons" / f"{name.stem}.json")
-    if outlines not in files:
-        raise ValueError(f"{name}: expected its outlines in {outlines}, found no such file; copy both folders, h5 and jsons")
-    video = name.stem.partition("_")[2]
-    for n, row in enumerate(read_video(files[str(name)], files[outlines]), first_row(name.name)):
-        yield Item(sample_id=f"{video}_{n:06d}", video=video, frame=n, image=np.ascontiguousarray(row["image"]), masks=row["masks"],
-                   narration=row["narration"], verb=row["verb"], noun=row["noun"], verb_class=-1, noun_class=-1,
-                   object_left=row["obj_id_left"], object_right=row["obj_id_right"], taxonomy=int(np.argmax(row["taxonomy"])),
-                   quality=1.0, motion=NO_MOTION, motion_time_ns=np.zeros(0, np.int64))
-
-
 GIVEN, VIDEO, OBJECT = "given", "video", "object"
 
 
@@ -170,20 +134,6 @@ class Split:
             raise ValueError(f"split_by: expected given, video or object, got {self.by!r}")
         if not 0 < self.val_fraction < 1:
             raise ValueError(f"val_fraction: expected more than 0 and less than 1, got {self.val_fraction}")
-
-
-def read_split(files: Files, division: Split, name: str) -> Iterator[Item]:
-    """Read the samples of `train` or `val`, in the order of the files. The split `test` is never read."""
-    found = splits(files)
-    if division.by == GIVEN:
-        if name not in found:
-            raise ValueError(f"data set: expected a split {name}, found {', '.join(found)}; set split_by=video to split it here")
-        yield from read_items(files, name)
-        return
-    for split in (split for split in found if split != "test"):
-        for item in read_items(files, split):
-            if is_validation(group_of(item, division.by), division) == (name == "val"):
-                yield item
 
 
 class Grouped(Protocol):
