@@ -172,7 +172,7 @@ def as_arrow(data: Files, folder: Path, **options: Any) -> Files:
 
 
 def test_samples_of_arrow_streams_are_read_in_place(data: Files, tmp_path: Path) -> None:
-    """In any order, as those of the shards; the taxonomy is that of the masks; only the index is written."""
+    """Samples in any order are those of the shards; the taxonomy is that of the masks; only the index is written."""
     wanted, _ = both(data, tmp_path, Split(), "train")
     write_samples(as_arrow(data, tmp_path / "arrow"), Split(), "train", tmp_path / "index", LARGEST)
     found = SampleStream(tmp_path / "index", decoded_bytes=1)
@@ -186,7 +186,7 @@ def test_samples_of_arrow_streams_are_read_in_place(data: Files, tmp_path: Path)
 
 
 def test_samples_of_released_videos_are_read_one_by_one(data: Files, tmp_path: Path) -> None:
-    """In any order, with one video's outlines in memory; divided by videos; pictures and words are those of the shards."""
+    """Samples in any order, divided by videos, with one video's outlines in memory: pictures and words are those of the shards."""
     export_2hands.export(root_of(data), tmp_path / "set")
     files, division = files_below(tmp_path / "set"), Split("video", 0.4, 1)
     wanted, _ = both(data, tmp_path, division, "train")

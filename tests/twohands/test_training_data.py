@@ -110,7 +110,7 @@ def parts(files: data.Files, division: data.Split) -> tuple[list[Item], list[Ite
 
 
 def test_larger_samples_are_shrunk(packed: data.Files) -> None:
-    """With their aspect ratio; smaller ones stay as they are."""
+    """The aspect ratio is kept; smaller samples stay as they are."""
     whole = next(read_items(packed, "train"))
     small = shrink(whole, (16, 96))
     assert small.image.shape == (16, 24, 3) and small.masks.shape == (4, 16, 24)
