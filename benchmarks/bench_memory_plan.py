@@ -195,7 +195,8 @@ def published_rows(scratch: Path) -> list[str]:
 
 def published_job(config: ModelConfig, dtype: str, batch: int) -> TwoHandsJob:
     """Job of the paper's recipe on a GPU."""
-    return model_train.training_job(replace(model_train.VLM, backbones=config.backbones, frozen_dtype=dtype, batch=batch, device="cuda"))
+    params = replace(model_train.VLM, backbones=config.backbones, frozen_dtype=dtype, batch=batch, device="cuda")
+    return model_train.training_job(params)
 
 
 def on_gpu(scratch: Path, dtype: str) -> Iterator[tuple[str, int, int]]:

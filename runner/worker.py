@@ -105,7 +105,10 @@ class Outbox:
             self._wake.wait()
             time.sleep(DELAY_S)
             self._wake.clear()
-            self.flush()
+            try:
+                self.flush()
+            except BrokenPipeError:
+                return  # the scheduler has ended, and waits for no message
 
 
 def load_from_source(root: Path) -> None:

@@ -110,7 +110,8 @@ def score_sor3d(runner: Runner, model: FileTree, args: argparse.Namespace) -> li
     def build(g: Graph) -> FileTree:
         p, planned = Settings(), rgbd.default_recipes(Settings())
         data = rgbd.training_data(g, Origin("sor3d"), p).dataset
-        scores = g.add(sor3d_evaluate.run, dataset=data, model=g.each(g.leaf("models", (model,))), ctx=g.ctx,
+        named = replace(model, name=planned[0].name)
+        scores = g.add(sor3d_evaluate.run, dataset=data, model=g.each(g.leaf("models", (named,))), ctx=g.ctx,
                        params=p.rgbd.sor3d_evaluate)  # fmt: skip
         return g.add(sor3d_report.run, recipes=g.leaf("planned", planned), scores=g.collect(scores), params=p.rgbd.sor3d_report,
                      ctx=g.ctx)  # fmt: skip
