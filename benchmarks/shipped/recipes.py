@@ -87,7 +87,6 @@ def student(g: Graph, p: Settings, origin: Origin) -> Any:
 
 SIMULATED = ("Objects, human motion and physics are synthetic; no recorded data. The hand is the model of the Shadow Hand in "
              "`gymnasium-robotics`.")  # fmt: skip
-LITE = ("model_train.variant=lite", "model_train.height_px=192", "model_train.width_px=256")
 PHYSICS = ("Simulated contact alone. It has not been tried on a robot: do not let it move hardware near people. Objects that are "
            "longer, thicker or heavier than its training objects are outside its experience.")  # fmt: skip
 RECIPES = {
@@ -104,7 +103,7 @@ RECIPES = {
              "`mate-backgrounds` (GPL-2+ and CC-BY-SA), which are not in this file. The image encoder is EfficientNet-Lite0 "
              "(Apache-2.0), frozen, trained by its authors on ImageNet, whose pictures have terms of their own; its weights are "
              "not in this file either: set-up fetches them.",
-        sets=(*LITE, "model_train.hypotheses=1", "model_train.steps=3000", "model_train.validate_every=1000"),
+        sets=("model_train.variant=lite",),
         stills=(("still_render.backend=cycles", "train_plan.rooms=46"), ("train_plan.seed=2",)), inside="model",
         left_out="encoder.backbone."),
     "parts": Recipe(

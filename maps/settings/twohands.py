@@ -24,6 +24,7 @@ class Twohands:
 PRESETS: dict[tuple[str, str, str], Any] = {
     ("model_train", "variant", "vlm"): model_train.VLM,
     ("model_train", "variant", "clip"): model_train.CLIP,
+    ("model_train", "variant", "lite"): model_train.LITE,
 }
 """(stage, parameter, value) -> defaults of all parameters of the stage when the parameter has this value"""
 MODES: dict[tuple[str, str, str], dict[str, Any]] = {("model_train", "loss_mode", "code"): model_train.CODE}

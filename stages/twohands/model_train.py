@@ -111,6 +111,8 @@ VLM = Params(variant="vlm", height_px=1024, width_px=1024, steps=5000, batch=2, 
 """parameters of the paper: ten epochs of 500 steps of LISA's recipe"""
 CLIP = replace(VLM, variant="clip", checkpointing=False)
 """the same for 2HAff-CLIP"""
+LITE = Params(variant="lite", height_px=192, width_px=256, steps=3000, validate_every=1000)
+"""recipe of the shipped model"""
 CODE = {"loss_mode": "code", "mask_loss": "bce", "lr": 1e-3}
 """parameters in which the released script differs from the paper"""
 
