@@ -45,7 +45,7 @@ EXCEPTIONS = {
     "make constraints": "needs the package index",
     "python pipeline.py run benchmark --set benchmark.predictions=LISA,VRB": "reads the folders of two other methods",
     "python pipeline.py run grasp --set human_motion.prior=artifacts/models/motion-prior": "reads what the line above it publishes",
-    "python pipeline.py run grasp --set rl_grasp_refinement.engine=warp --set rl_grasp_refinement.device=cuda": "needs the extra gpu",
+    "python pipeline.py run grasp --set rl_grasp_refinement.engine=warp --set rl_grasp_refinement.device=cuda": "needs an extra",
 }
 """commands that are neither run nor parsed -> reason"""
 OTHER_PROGRAMS = {"aria2c": "downloads data sets", "export": "sets a variable of the shell", "cd": "changes the folder",
