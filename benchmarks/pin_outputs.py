@@ -65,6 +65,13 @@ SURFACE: Changes = {
     "view_render.size_px": 96, "view_render.directions": 64, "view_render.most": 8,
     "scorer_train.steps": 20, "scorer_train.objects": 1, "scorer_train.candidates": 4, "scorer_train.warmup": 2,
     "scorer_train.validate_every": 10}  # fmt: skip
+ADAPTED: Changes = {
+    "view_render.size_px": 96, "view_render.directions": 64, "view_render.most": 8, "mesh_texture.procedural.side_px": 128,
+    "body_tasks.points": 256, "body_tasks.hulls": 6, "body_evaluate.episodes": 1, "body_evaluate.at_once": 1,
+    "body_evaluate.iterations": 20, "body_adapt.worlds": 2, "body_adapt.bullet": 1, "body_adapt.generations": 2,
+    "body_adapt.rounds": 2, "body_adapt.updates": 5, "body_adapt.iterations": 20, "grasp_record.width": 64,
+    "grasp_record.height": 48, "grasp_record.supersample": 1}  # fmt: skip
+"""a few episodes with the shipped models: settings of their trainings would train others"""
 LESSONS: Changes = {
     "hand_plan.rooms": 1, "hand_plan.val_rooms": 1, "hand_lessons.pictures": 24, "hand_lessons.width_px": 144,
     "hand_lessons.height_px": 80, "hand_lessons.supersample": 1}  # fmt: skip
@@ -123,6 +130,7 @@ RUNS: dict[str, Run] = {
     "grasp": Run("grasp", SCHOOL),
     "grasp-full": Run("grasp-full", {**SCHOOL, **FULL, **SURFACE, **STILLS, **TWOHANDS}, options=("--minutes", "inf")),
     "grasp-play": Run("grasp-play", {name: value for name, value in SCHOOL.items() if "two_tasks" not in name}),
+    "grasp-adapt": Run("grasp-adapt", ADAPTED, source="mesh"),
     "grasp-prior": Run("grasp-prior", {**{name: value for name, value in SCHOOL.items() if name.startswith(PRIOR)}, **PROOF},
                        source="motion"),
     "interactions": Run("interactions", SEQUENCES),

@@ -22,12 +22,15 @@ OWN_ROOMS = {"train-set": "afford-stills", "benchmark-set": "afford-stills-bench
              "sor3d": "sor3d", "sor3d-ablation": "sor3d-ablation", "static-sets": "static-sets"}
 """targets that always render their own data -> name of their outputs"""
 NEEDED = {"motions": "motion of hands or a video of hands, see docs/grasping/motion.md",
-          "grasp-prior": "recorded motion and the meshes of its objects, or a video of hands, see docs/grasping/imitation.md"}
+          "grasp-prior": "recorded motion and the meshes of its objects, or a video of hands, see docs/grasping/imitation.md",
+          "grasp-adapt": "meshes, see docs/grasping/own-meshes.md"}
 """targets that need a source -> description of the source"""
 SEQUENCES = ("interactions", "sor3d", "sor3d-ablation")
 """targets that read or render RGB-D sequences"""
-MESHES = ("negative-affordance", "grasp")
+MESHES = ("negative-affordance", "grasp", "grasp-adapt")
 """targets that read meshes if a source is given"""
+ADAPTED = "grasp-adapt"
+"""target whose outputs have names of their own, beside those of `grasp`"""
 RENDERED = ("dataset", "recordings", "scenes", "extraction-report")
 """targets that use every rendered clip if no source is given"""
 PART = re.compile(r"_s\d+")
@@ -44,7 +47,9 @@ def origin(target: str, source: Path | None, settings: Settings, digest: Callabl
     if target == ALL:
         return _everything(source, clips, settings, digest), None
     if target in MESHES and source is not None:
-        return _meshes(source, digest)
+        return _meshes(source, digest, "-adapted" if target == ADAPTED else "")
+    if target == ADAPTED:
+        return Origin(ADAPTED), None
     if target == "motions":
         return _motions(source, settings, digest, clips)
     if target == "grasp-prior":
@@ -181,8 +186,8 @@ def _hand_videos(source: Path, settings: Settings, digest: Callable[[Path], str]
     return Origin(found.name, videos=tuple(_with_truth(video, found) for video in found.videos), bare=found.kind == "bare"), found
 
 
-def _meshes(source: Path, digest: Callable[[Path], str]) -> tuple[Origin, Source]:
-    """Objects of a folder of meshes."""
+def _meshes(source: Path, digest: Callable[[Path], str], suffix: str = "") -> tuple[Origin, Source]:
+    """Objects of a folder of meshes, or of one mesh file; `suffix` of the name of the run."""
     from afford.surface.meshes.discover import discover as find
 
     try:
@@ -190,7 +195,7 @@ def _meshes(source: Path, digest: Callable[[Path], str]) -> tuple[Origin, Source
     except ValueError as error:
         raise _refusal(source, error) from error
     refused = tuple(Refused(one.name, one.reason) for one in found.refused)
-    return Origin(found.name, meshes=found.objects), Source("meshes", found.name, found.objects, {}, (), refused)
+    return Origin(found.name + suffix, meshes=found.objects), Source("meshes", found.name, found.objects, {}, (), refused)
 
 
 def _sequences(target: str, source: Path | None, settings: Settings, digest: Callable[[Path], str]) -> Origin:

@@ -1,4 +1,4 @@
-"""Graph of grasps of the user's meshes: parts and N_t -> rigid bodies and tasks -> a policy in both engines -> the report."""
+"""Graph of grasps of the user's meshes: parts and N_t -> bodies and tasks -> a policy, as it is or adapted -> the report."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from schemas.episodes import GraspEpisodes
 from schemas.files import FileTree
 from schemas.grasp import GraspTask
 from schemas.hand import HandModel
-from stages.grasping import body_episodes, body_evaluate, body_list, body_report, body_tasks
+from schemas.training import Trained
+from stages.grasping import body_adapt, body_episodes, body_evaluate, body_list, body_report, body_tasks
 from stages.recording import grasp_record
 from stages.surface import part_segment
 
@@ -45,6 +46,13 @@ def add_bodies(g: Graph, origin: Origin, hand: HandModel, p: Settings) -> Bodies
                   g.add(body_list.run, body=made, params=body_list.Params()))  # fmt: skip
 
 
+def adapt_bodies(g: Graph, hand: HandModel, bodies: Bodies, policy: FileTree, p: Settings) -> Trained:
+    """Adapt a teacher to each body; the policies of all bodies, one for each."""
+    made = g.add(body_adapt.run, hand=hand, tasks=bodies.tasks, policy=policy, params=p.grasping.body_adapt, ctx=g.ctx)
+    g.publish(g.pick(made, lambda t: t.files), "models/{source}/{clip}", as_="adapted")
+    return made
+
+
 def evaluate_bodies(g: Graph, hand: HandModel, bodies: Bodies, policy: FileTree, name: str, p: Settings) -> list[GraspEpisodes]:
     """Evaluate a policy on every body; handles of the episodes of all bodies, one for each engine."""
     out = list[GraspEpisodes]()
@@ -57,14 +65,18 @@ def evaluate_bodies(g: Graph, hand: HandModel, bodies: Bodies, policy: FileTree,
 
 
 def report_bodies(g: Graph, target: str, hand: HandModel, bodies: Bodies, episodes: list[GraspEpisodes], p: Settings,
-                  *others: FileTree) -> None:  # fmt: skip
-    """Report the episodes of all bodies, film and record them, and set the target; `others` are further outputs of it."""
-    page = g.add(body_report.run, meshes=bodies.names, bodies=g.collect(bodies.made), episodes=g.finished("body_runs", episodes),
-                 params=p.grasping.body_report, ctx=g.ctx)  # fmt: skip
+                  before: list[GraspEpisodes] | None = None, adapted: Trained | None = None) -> None:  # fmt: skip
+    """Report the episodes of all bodies, film and record them, and set the target.
+
+    Episodes `before` an adaptation are in the report only; `adapted` are the policies of the others.
+    """
+    logs = g.leaf("not_adapted", ()) if adapted is None else g.collect(g.pick(adapted, lambda t: t.log))
+    page = g.add(body_report.run, meshes=bodies.names, bodies=g.collect(bodies.made), episodes=g.finished("body_runs", [*(before or ()), *episodes]),
+                 adapted=logs, params=p.grasping.body_report, ctx=g.ctx)  # fmt: skip
     tasks = g.collect(bodies.tasks)
     films = [g.named(f"grasp_record_{number}").add(grasp_record.run, hand=hand, tasks=tasks, episodes=one,
                                                    params=p.grasping.grasp_record, ctx=g.ctx)
              for number, one in enumerate(episodes)]  # fmt: skip
     for number, film in enumerate(films):
         g.publish(film, f"recordings/{{source}}/grasps-{number}", as_=f"films_{number}")
-    g.target(target, reported(g, page), record_run(g, "body_report", page), *films, *others)
+    g.target(target, reported(g, page), record_run(g, "body_report", page), *films)

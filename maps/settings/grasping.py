@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from stages.grasping import (
+    body_adapt,
     body_evaluate,
     body_report,
     body_tasks,
@@ -68,6 +69,7 @@ class Grasping:
     imitation_evaluate: imitation_evaluate.Params = imitation_evaluate.Params()
     grasp_judge: grasp_judge.Params = grasp_judge.Params()
     body_tasks: body_tasks.Params = body_tasks.Params()
+    body_adapt: body_adapt.Params = body_adapt.Params()
     body_evaluate: body_evaluate.Params = body_evaluate.Params()
     body_report: body_report.Params = body_report.Params()
     grasp_record: grasp_record.Params = grasp_record.Params()

@@ -1,7 +1,7 @@
 """episodes of one or more policies on meshes of the user -> a table of all objects, with what was refused and why.
 
 Reads   the names of all meshes of the source (FileTrees without files); BodyTasks of those that were read; GraspEpisodes of
-        the evaluations, all bodies of one policy in one engine together
+        the evaluations, all bodies of one policy in one engine together; TrainingLogs of the adaptation of each body, or none
 Writes  FileTree of report.md and metrics.json (<policy>.<engine>.<figure>)
 Method  Succ and AS of each object, then means over objects; AS over successes of tasks with N_t
 Fails   ValueError without a mesh
@@ -16,6 +16,7 @@ from schemas.bodies import BodyTasks
 from schemas.episodes import GraspEpisodes
 from schemas.files import FileTree
 from schemas.spec import Context
+from schemas.training import TrainingLog
 
 LIBRARIES = ("numpy", "scipy", "blake3")
 THREADS = 1
@@ -30,9 +31,9 @@ class Params:
     """engines in which policies are evaluated"""
 
 
-def run(meshes: tuple[FileTree, ...], bodies: tuple[BodyTasks, ...], episodes: tuple[GraspEpisodes, ...], params: Params,
-        ctx: Context) -> FileTree:  # fmt: skip
+def run(meshes: tuple[FileTree, ...], bodies: tuple[BodyTasks, ...], episodes: tuple[GraspEpisodes, ...],
+        adapted: tuple[TrainingLog, ...], params: Params, ctx: Context) -> FileTree:  # fmt: skip
     """Write the report of all objects."""
     from afford.grasping.evaluate.body_report import write_report
 
-    return write_report("grasp", tuple(one.name for one in meshes), bodies, episodes, ctx.scratch)
+    return write_report("grasp", tuple(one.name for one in meshes), bodies, episodes, ctx.scratch, adapted)

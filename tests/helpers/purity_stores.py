@@ -241,15 +241,16 @@ def recorded_prior(store: Path, folder: Path) -> None:
 
 
 def grasped_meshes(store: Path, folder: Path) -> None:
-    """A teacher that has hardly learned anything was tried on a box."""
+    """A teacher that has hardly learned anything was tried on a box, and hardly adapted to it."""
     p = SCHOOL.with_stages(
         body_evaluate=replace(SCHOOL.grasping.body_evaluate, episodes=1, at_once=1, iterations=20),
+        body_adapt=replace(SCHOOL.grasping.body_adapt, worlds=2, bullet=1, generations=1, rounds=1, updates=2, iterations=20),
         body_report=replace(SCHOOL.grasping.body_report, engines=("mujoco",)),
         mesh_texture=replace(SCHOOL.surface.mesh_texture, procedural=replace(SCHOOL.surface.mesh_texture.procedural, side_px=64)))
     at = folder / "stick"
     at.mkdir()
     trimesh.creation.box((0.2, 0.025, 0.02)).export(at / "stick.obj")
-    run(store, "grasp", build("grasp", Origin("stick", meshes=(tree(at),)), p))
+    run(store, "grasp-adapt", build("grasp-adapt", Origin("stick-adapted", meshes=(tree(at),)), p))
 
 
 def grasps(store: Path, folder: Path) -> None:
@@ -360,7 +361,8 @@ MAKERS: dict[Maker, tuple[str, ...]] = {
     schooled: ("grasp_tasks", "grasp_tasks_predicted", "grasp_targets", "hand_imitation", "rl_grasp_refinement", "grasp_student",
                "grasp_evaluate", "grasp_report", "imitation_evaluate", "grasp_two_tasks", "policy_record"),
     recorded_prior: ("recordings_read", "human_motion", "clip_proof", "prior_report"),
-    grasped_meshes: ("part_segment", "body_tasks", "body_list", "body_evaluate", "body_episodes", "body_report"),
+    grasped_meshes: ("part_segment", "body_tasks", "body_list", "body_evaluate", "body_episodes", "body_report",
+                     "body_adapt"),
     judged: ("grasp_judge",),
     grasps: ("grasp_record",),
     from_masks: ("grasp_candidates", "grasp_compare", "grasp_compare_report", "positive_affordance_projection",

@@ -53,6 +53,7 @@ EXCEPTIONS: dict[str, str] = {
     "clip_proof": "its verdicts are on the page of prior_report, which is recorded",
     "part_segment": "its parts are those of the hulls that grasp_record shows",
     "body_tasks": "its bodies are /grasp_evaluate/scene of grasp_record; refusals are in body_report, which is recorded",
+    "body_adapt": "its episodes before and after are in body_report, which is recorded, and those after in grasp_record",
     "body_evaluate": "its episodes, joined by body_episodes, are those of grasp_record",
     "motion_report": "the verdict on each clip is in the log of motion_record",
 }
@@ -82,6 +83,7 @@ def graphs() -> Iterator[tuple[str, Graph]]:
         "recordings": Origin("v", videos=(RenderedClip(none, none, none),), bare=True),
         "motions": Origin("v", videos=(RenderedClip(none, none, none),), bare=True),
         "negative-affordance": Origin("m", meshes=(none,)), "grasp": Origin("m", meshes=(none,)),
+        "grasp-adapt": Origin("m", meshes=(none,)),
         "sor3d": Origin("s", sequences=(none,), actions=none),
         "static-sets": Origin("p", pictures=none)}.items():  # fmt: skip
         yield target, build(target, place, chosen)

@@ -13,6 +13,7 @@ from afford.common.statistics import wilson_interval
 from schemas.bodies import BodyTasks
 from schemas.episodes import GraspEpisodes
 from schemas.files import FileTree
+from schemas.training import TrainingLog
 
 UNREAD = "could not be read, or its parts not be found; the failures of the run have the reason"
 HEAD = """# Grasps of your meshes
@@ -22,6 +23,8 @@ fingertips within 2 cm of a negative point at the last step, over successes. Neg
 judged by the prediction; only tasks with N_t have one. The shipped policy was trained on flat tools. It begins over the place of
 the grasp family and is free from there on: it does not know the families around a body, at a rim or through a loop.
 """
+ADAPTED = """The policy of each object was trained on it: scripted grasps that lift it, found in both engines, were cloned into the shipped
+policy. The best weights on episodes of the training, below, were kept. The tables above have other episodes."""
 
 
 class BodyRow(NamedTuple):
@@ -41,15 +44,15 @@ class BodyRow(NamedTuple):
 
 
 def write_report(name: str, meshes: Sequence[str], bodies: Sequence[BodyTasks], runs: Sequence[GraspEpisodes],
-                 scratch: Path) -> FileTree:  # fmt: skip
-    """Write report.md and metrics.json. ValueError without a mesh."""
+                 scratch: Path, adapted: Sequence[TrainingLog] = ()) -> FileTree:  # fmt: skip
+    """Write report.md and metrics.json; `adapted` are the logs of body_adapt. ValueError without a mesh."""
     if not meshes:
         raise ValueError("body_report: expected one mesh or more, got none")
     rows = [row for body in bodies for run in runs if (row := body_row(body, run)) is not None]
     unread = [one for one in meshes if one not in {body.name for body in bodies}]
     root = empty_folder(scratch / "report")
     write_json(root / "metrics.json", metrics(rows, len(meshes), len(unread) + sum(not body.tasks for body in bodies)))
-    (root / "report.md").write_text("\n".join([HEAD, *_tables(rows), *_uses(bodies, runs), *_remarks(bodies, unread)]) + "\n",
+    (root / "report.md").write_text("\n".join([HEAD, *_tables(rows), *_uses(bodies, runs), *_adapted(adapted), *_remarks(bodies, unread)]) + "\n",
                                     encoding="utf-8")
     return tree(name, root)
 
@@ -106,6 +109,21 @@ def _uses(bodies: Sequence[BodyTasks], runs: Sequence[GraspEpisodes]) -> Iterato
             cells = [_share(task.name, [run for run, name in zip(runs, columns, strict=True) if name == one]) for one in unique]
             yield (f"| {task.name} | {task.hold} | {', '.join(task.negative) or '-'} | {len(task.N_t)} | {family} | "
                    f"{' | '.join(cells)} |")
+
+
+def _adapted(logs: Sequence[TrainingLog]) -> Iterator[str]:
+    """Yield a table of the adaptation of each body that has a task, on the episodes of its training."""
+    if not logs:
+        return
+    yield from ("", "## Adaptation", "", ADAPTED, "", "| object | Succ % as it was | kept | held % as it was | kept | weights |",
+                "|---|--:|--:|--:|--:|---|")  # fmt: skip
+    for log in logs:
+        curve = {one.name: one for one in log.curves}
+        if "val.score" in curve:
+            cells = [100 * float(curve[f"val.{name}"].value[curve["val.score"].step == step][0])
+                     for name in ("success", "held") for step in (0, log.best_step)]  # fmt: skip
+            kept = f"round {log.best_step} of {log.steps}" if log.best_step else "the shipped ones: no others were better"
+            yield f"| {log.name} | {' | '.join(f'{cell:.1f}' for cell in cells)} | {kept} |"
 
 
 def _share(task: str, runs: Sequence[GraspEpisodes]) -> str:

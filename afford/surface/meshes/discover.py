@@ -1,4 +1,4 @@
-"""Discover the objects in a folder of meshes: one file tree for each, with exactly the files it needs.
+"""Discover the objects in a folder of meshes, or a single mesh: one file tree for each, with exactly the files it needs.
 
 Discovery runs before any computation. An object is a URDF (named by its stem), a mesh file in the folder itself (by its stem), or a
 subfolder with one mesh (by the name of the folder). Meshes that a URDF refers to are not objects of their own.
@@ -33,15 +33,20 @@ class MeshFolder:
     """Objects of a folder, by name."""
 
     name: str
-    """name of the folder"""
+    """name of the folder, or of the mesh without suffix"""
     objects: tuple[FileTree, ...]
     refused: tuple[RejectedObject, ...]
 
 
 def discover(root: Path, digest: Digest) -> MeshFolder:
-    """List the objects below `root`. SourceError for a path that is no folder, or a folder without meshes."""
+    """List the objects below `root`, which may also be one mesh file.
+
+    SourceError for another path, or a folder without meshes.
+    """
+    if root.is_file() and is_mesh(root.name):
+        return _single(root, digest)
     if not root.is_dir():
-        raise SourceError(str(root), "a folder of meshes", "a file" if root.exists() else "nothing", "give the folder")
+        raise SourceError(str(root), "a folder of meshes, or a mesh", "a file" if root.exists() else "nothing", "give the folder")
     found = {entry.name: entry for entry in entries(root)}
     trees: list[FileTree] = []
     refused: list[RejectedObject] = []
@@ -53,6 +58,12 @@ def discover(root: Path, digest: Digest) -> MeshFolder:
     if not trees and not refused:
         raise SourceError(str(root), "a mesh (OBJ, PLY, STL, GLB, glTF) or a URDF", "no such file", "put one there")
     return MeshFolder(root.resolve().name, tuple(trees), tuple(refused))
+
+
+def _single(root: Path, digest: Digest) -> MeshFolder:
+    """Discover one mesh file, with what it refers to in its folder. SourceError where it cannot be read."""
+    found = {entry.name: entry for entry in entries(root.parent)}
+    return MeshFolder(root.stem, (_tree(root.stem, [found[root.name]], found, digest),), ())
 
 
 def _objects(found: dict[str, Entry]) -> dict[str, list[Entry]]:

@@ -1,0 +1,73 @@
+"""a teacher, the tasks of one body -> the teacher adapted to these tasks in minutes, or as it was.
+
+Reads   HandModel; GraspTasks of one body (body_tasks); the files of a teacher (rl_grasp_refinement)
+Writes  Trained: files (policy.json, policy.safetensors, prior/) and the TrainingLog, whose best_step is 0 for the teacher as it was
+Method  scripted grasps that lift the body, found by an evolution strategy in MuJoCo and PyBullet, are cloned into the teacher by
+        DAgger; tasks in which the teacher succeeds keep its own actions; the best weights on episodes of the training are kept. A
+        training that was killed resumes to the same weights from its last checkpoint
+Fails   ValueError for a policy that is no teacher, or when a loss is not finite
+Paper   none: AffordDex evaluates without adaptation; DAgger is Ross et al. 2011
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+
+from schemas.files import FileTree
+from schemas.grasp import GraspTask
+from schemas.hand import HandModel
+from schemas.spec import Context
+from schemas.training import Trained
+
+LIBRARIES = ("numpy", "scipy", "torch", "mujoco", "pybullet", "gymnasium", "trimesh", "safetensors", "blake3")
+THREADS = 1
+MEMORY_GIB = 1.5
+
+
+@dataclass(frozen=True)
+class Params:
+    """Parameters of body_adapt."""
+
+    seed: int = 0
+    """seed of the search, of noise and of object poses"""
+    worlds: int = 16
+    """worlds of each task in MuJoCo, which is the size of a generation"""
+    bullet: int = 4
+    """worlds of each task in PyBullet, where the best grasps of a generation are tried again; 0 for none"""
+    generations: int = 10
+    """generations of the search"""
+    rounds: int = 6
+    """rounds of DAgger, an episode of every world each"""
+    updates: int = 500
+    """minibatches of a round"""
+    batch: int = 256
+    """rows of a minibatch"""
+    lr: float = 1e-3
+    """learning rate of Adam; it falls to a tenth"""
+    noise: float = 0.1
+    """standard deviation of the noise that is added to actions"""
+    enough: float = 0.9
+    """score (0..1) of the teacher in a task from which no other grasp is searched"""
+    iterations: int = 50
+    """iterations of the physics solver, at most"""
+
+
+def run(hand: HandModel, tasks: tuple[GraspTask, ...], policy: FileTree, params: Params, ctx: Context) -> Trained:
+    """Adapt the teacher in the scratch folder, from which an adaptation that was killed resumes."""
+    from afford.common.files import tree
+    from afford.grasping.policies.adapt_teacher import AdaptationConfig, adapt_teacher, export_adapted
+    from afford.grasping.policies.load_policy import load_policy
+    from afford.training import curves
+    from afford.training.loop import deterministic
+
+    for name, least in (("worlds", 2), ("bullet", 0), ("generations", 1), ("rounds", 1), ("updates", 1), ("batch", 1)):
+        if getattr(params, name) < least:
+            raise ValueError(f"body_adapt.{name}: expected {least} or more, got {getattr(params, name)}")
+    name = tasks[0].body.name if tasks else "adapted"
+    if not tasks:
+        return Trained(policy, curves.training_log(name, (), 0, 0))
+    with deterministic(THREADS, "cpu"):
+        teacher = load_policy(policy, {})
+        model, state = adapt_teacher(hand, tasks, teacher, AdaptationConfig(**asdict(params)), ctx.scratch, ctx.progress)
+    root = export_adapted(ctx.scratch, model, teacher)
+    return Trained(tree(name, root), curves.training_log(name, state.points, state.best_step, state.step))
