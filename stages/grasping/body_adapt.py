@@ -1,7 +1,8 @@
 """a teacher, the tasks of one body -> the teacher adapted to these tasks in minutes, or as it was.
 
 Reads   HandModel; GraspTasks of one body (body_tasks); the files of a teacher (rl_grasp_refinement)
-Writes  Trained: files (policy.json, policy.safetensors, prior/) and the TrainingLog, whose best_step is 0 for the teacher as it was
+Writes  Trained: files (policy.json, policy.safetensors; those of the teacher, where adaptation did not improve it) and the
+        TrainingLog, whose best_step is 0 for the teacher as it was
 Method  scripted grasps that lift the body, found by an evolution strategy in MuJoCo and PyBullet, are cloned into the teacher by
         DAgger; tasks in which the teacher succeeds keep its own actions; the best weights on episodes of the training are kept. A
         training that was killed resumes to the same weights from its last checkpoint
@@ -69,5 +70,5 @@ def run(hand: HandModel, tasks: tuple[GraspTask, ...], policy: FileTree, params:
     with deterministic(THREADS, "cpu"):
         teacher = load_policy(policy, {})
         model, state = adapt_teacher(hand, tasks, teacher, AdaptationConfig(**asdict(params)), ctx.scratch, ctx.progress)
-    root = export_adapted(ctx.scratch, model, teacher)
-    return Trained(tree(name, root), curves.training_log(name, state.points, state.best_step, state.step))
+    files = tree(name, export_adapted(ctx.scratch, model, teacher)) if state.best_step else policy
+    return Trained(files, curves.training_log(name, state.points, state.best_step, state.step))

@@ -1,9 +1,10 @@
 """Adapt a trained teacher to the tasks of one body, in minutes: scripted demonstrations that lift it, cloned by DAgger.
 
 The expert of a task is the script that a search found (grasp_search.py), or the teacher as it was, whichever is better in all
-engines. Tasks in which the teacher succeeds anyway therefore keep its own actions. The network starts from the teacher's weights and
-learns residual actions over the frozen prior, as in train_teacher.py. It is evaluated on episodes of the training between rounds,
-and the best weights are kept. These are the teacher's own, if no others are better.
+engines. Tasks in which the teacher succeeds anyway therefore keep its actions. The network starts from the teacher's weights and
+learns whole actions: the frozen prior, which pulls the hand to the posture of tools with as much as a residual may add, is left out.
+It is evaluated on episodes of the training between rounds, and the best weights are kept. If none are better than the teacher with
+its prior, the policy stays as it was.
 
 Randomness of the search is a function of the seed, that of a round of its number, so that a killed adaptation resumes to the same
 weights from its last round.
@@ -22,7 +23,7 @@ from torch import Tensor, nn
 from afford.common.files import empty_folder
 from afford.grasping.env.placed_worlds import PlacedWorlds
 from afford.grasping.policies.grasp_search import scripts, search_grasps
-from afford.grasping.policies.load_policy import PRIOR, MeanAction, Policy, prior_columns
+from afford.grasping.policies.load_policy import MeanAction, Policy, prior_columns
 from afford.grasping.rl import policy_files
 from afford.grasping.rl.ppo import ActorCritic, make_optimizer
 from afford.grasping.sim.scene import Physics
@@ -82,7 +83,7 @@ class Expert:
 
 def adapt_teacher(hand: HandModel, tasks: Sequence[GraspTask], policy: Policy, config: AdaptationConfig, folder: Path,
                   progress: Callable[[int, int], None]) -> tuple[ActorCritic, TrainingState]:  # fmt: skip
-    """Adapt the teacher of a policy; the network with the best weights, and its curves. `best_step` is 0 for its own weights.
+    """Adapt the teacher of a policy; the network with the best weights, and its curves. `best_step` is 0 where none were better.
 
     ValueError for a policy without a teacher, or over the scripted base, whose targets move by themselves.
     """
@@ -101,11 +102,9 @@ def adapt_teacher(hand: HandModel, tasks: Sequence[GraspTask], policy: Policy, c
 
 
 def export_adapted(folder: Path, model: ActorCritic, policy: Policy) -> Path:
-    """Write the adapted teacher, with its prior and facts, into folder/out."""
+    """Write the adapted teacher, which has no prior, with the facts of its environment into folder/out."""
     root = empty_folder(folder / "out")
     policy_files.write_policy(root, model, policy.facts)
-    if policy.prior is not None:
-        policy_files.write_policy(root / PRIOR, policy.prior, {"role": "prior", "layout": policy.facts["layout"]})
     return root
 
 
@@ -118,8 +117,7 @@ class Adaptation:
         self.model = ActorCritic(teacher.config)
         self.model.load_state_dict(teacher.state_dict())
         columns = prior_columns(places[0].config.layout, places[0].config.role)
-        self.teacher, self.prior = MeanAction(teacher, policy.prior, columns), MeanAction(None, policy.prior, columns)
-        self.student = MeanAction(self.model, policy.prior, columns)
+        self.teacher, self.student = MeanAction(teacher, policy.prior, columns), MeanAction(self.model, None, columns)
 
     def scores(self, choose: Callable[[PlacedWorlds], Callable[[int], np.ndarray]], seed: Sequence[int]) -> dict[str, np.ndarray]:
         """(t,) mean figures of each task over an episode of every world, engines weighing alike.
@@ -145,7 +143,7 @@ class Adaptation:
         state = resume(folder, self.model, optimizer, "cpu")
         memory = _load_memory(folder, state.step)
         if not state.points:
-            self._validate(state)
+            self._validate(state, self.teacher)
         while state.step < config.rounds and expert.scripted.any():
             seed = derive_seed(config.seed, LEARNED, state.step)
             torch.manual_seed(seed)
@@ -155,20 +153,20 @@ class Adaptation:
             state.step += 1
             state.log("train", {"loss": loss})
             if state.step % VALIDATE_EVERY == 0 or state.step == config.rounds:
-                self._validate(state)
+                self._validate(state, self.student)
                 _save(folder, state, self.model, optimizer, memory)
             progress(state.step)
         restore_weights(self.model, state.best)
         return self.model.eval(), state
 
-    def _validate(self, state: TrainingState) -> None:
-        found = self.scores(lambda worlds: lambda step: self.student.act(worlds), [self.config.seed, VALIDATED])
+    def _validate(self, state: TrainingState, actor: MeanAction) -> None:
+        found = self.scores(lambda worlds: lambda step: actor.act(worlds), [self.config.seed, VALIDATED])
         state.log("val", {name: float(figure.mean()) for name, figure in found.items()})
         state.update_best(float(found["score"].mean()), self.model, 0)
 
     @torch.no_grad()
     def _collect(self, worlds: PlacedWorlds, expert: Expert, number: int, seed: Sequence[int]) -> tuple[Tensor, Tensor]:
-        """Observations (t n, d) and residual actions (t n, m) to clone of one episode of every world.
+        """Observations (t n, d) and actions (t n, m) to clone of one episode of every world.
 
         The expert acts in the first round and in half of the worlds of the second, then the network; all with noise.
         """
@@ -176,11 +174,10 @@ class Adaptation:
         leads = np.arange(len(rngs)) // self.tasks % 2 < (2, 1)[number] if number < 2 else np.zeros(len(rngs), bool)
         rows = list[tuple[np.ndarray, np.ndarray]]()
         for step in range(worlds.config.steps):
-            prior = self.prior.act(worlds)
             wanted = expert.mixed(worlds, targets[:, step], self.teacher.act(worlds))
-            rows.append((worlds.observe(), (wanted - prior).clip(-1, 1).astype(np.float32)))
+            rows.append((worlds.observe(), wanted.astype(np.float32)))
             chosen = np.where(leads[:, None], wanted, self.student.act(worlds))
-            worlds.step(chosen + self.config.noise * np.stack([rng.normal(size=prior.shape[1]) for rng in rngs]), rngs)
+            worlds.step(chosen + self.config.noise * np.stack([rng.normal(size=wanted.shape[1]) for rng in rngs]), rngs)
         obs, label = (torch.from_numpy(np.concatenate(column)) for column in zip(*rows, strict=True))
         return obs, label
 
