@@ -14,7 +14,7 @@ from schemas.episodes import GraspEpisodes
 from schemas.files import FileTree
 from schemas.grasp import GraspTask
 from schemas.hand import HandModel
-from schemas.training import Trained
+from schemas.training import TrainingLog
 from stages.grasping import body_adapt, body_episodes, body_evaluate, body_list, body_report, body_tasks
 from stages.recording import grasp_record
 from stages.surface import part_segment
@@ -46,11 +46,12 @@ def add_bodies(g: Graph, origin: Origin, hand: HandModel, p: Settings) -> Bodies
                   g.add(body_list.run, body=made, params=body_list.Params()))  # fmt: skip
 
 
-def adapt_bodies(g: Graph, hand: HandModel, bodies: Bodies, policy: FileTree, p: Settings) -> Trained:
-    """Adapt a teacher to each body; the policies of all bodies, one for each."""
+def adapt_bodies(g: Graph, hand: HandModel, bodies: Bodies, policy: FileTree,
+                 p: Settings) -> tuple[FileTree, tuple[TrainingLog, ...]]:  # fmt: skip
+    """Adapt a teacher to each body; the policy of each, and the curves of all."""
     made = g.add(body_adapt.run, hand=hand, tasks=bodies.tasks, policy=policy, params=p.grasping.body_adapt, ctx=g.ctx)
-    g.publish(g.pick(made, lambda t: t.files), "models/{source}/{clip}", as_="adapted")
-    return made
+    files = g.publish(g.pick(made, lambda t: t.files), "models/{source}/{clip}", as_="adapted")
+    return files, g.collect(g.pick(made, lambda t: t.log))
 
 
 def evaluate_bodies(g: Graph, hand: HandModel, bodies: Bodies, policy: FileTree, name: str, p: Settings) -> list[GraspEpisodes]:
@@ -65,14 +66,15 @@ def evaluate_bodies(g: Graph, hand: HandModel, bodies: Bodies, policy: FileTree,
 
 
 def report_bodies(g: Graph, target: str, hand: HandModel, bodies: Bodies, episodes: list[GraspEpisodes], p: Settings,
-                  before: list[GraspEpisodes] | None = None, adapted: Trained | None = None) -> None:  # fmt: skip
+                  before: list[GraspEpisodes] | None = None, adapted: tuple[TrainingLog, ...] | None = None) -> None:  # fmt: skip
     """Report the episodes of all bodies, film and record them, and set the target.
 
-    Episodes `before` an adaptation are in the report only; `adapted` are the policies of the others.
+    Episodes `before` an adaptation are in the report only; `adapted` are its curves.
     """
-    logs = g.leaf("not_adapted", ()) if adapted is None else g.collect(g.pick(adapted, lambda t: t.log))
-    page = g.add(body_report.run, meshes=bodies.names, bodies=g.collect(bodies.made), episodes=g.finished("body_runs", [*(before or ()), *episodes]),
-                 adapted=logs, params=p.grasping.body_report, ctx=g.ctx)  # fmt: skip
+    logs = g.leaf("not_adapted", ()) if adapted is None else adapted
+    page = g.add(body_report.run, meshes=bodies.names, bodies=g.collect(bodies.made), adapted=logs,
+                 episodes=g.finished("body_runs", [*(before or ()), *episodes]),
+                 params=p.grasping.body_report, ctx=g.ctx)  # fmt: skip
     tasks = g.collect(bodies.tasks)
     films = [g.named(f"grasp_record_{number}").add(grasp_record.run, hand=hand, tasks=tasks, episodes=one,
                                                    params=p.grasping.grasp_record, ctx=g.ctx)

@@ -1,7 +1,8 @@
 """Graph of the grasping system: objects and human motion -> prior, teachers, students -> evaluations and the report.
 
 Targets: `grasp` (a teacher with and without negative rewards), `grasp-full` (all rows of the tables), `grasp-play` (a film of the
-shipped teacher), `grasp-adapt` (the shipped teacher, adapted to meshes of the user). Recorded motion is in maps/motions.py, meshes of the user in maps/bodies.py.
+shipped teacher), `grasp-adapt` (the shipped teacher, adapted to meshes of the user). Recorded motion is in
+maps/motions.py, meshes of the user in maps/bodies.py.
 """
 
 from __future__ import annotations
@@ -408,13 +409,13 @@ def grasp_meshes(g: Graph, origin: Origin, p: Settings) -> None:
 
 
 def grasp_adapt(g: Graph, origin: Origin, p: Settings) -> None:
-    """Grasps of the meshes of --source by the shipped teacher, adapted to each in minutes; rows before and after, in both engines."""
+    """Grasps of the meshes of --source by the shipped teacher, as it is and adapted to each in minutes, in both engines."""
     hand, policy = usual_teacher(g, p)
     found = bodies.add_bodies(g, origin, hand, p)
     before = bodies.evaluate_bodies(g, hand, found, policy, TEACHER, p)
-    adapted = bodies.adapt_bodies(g, hand, found, policy, p)
-    after = bodies.evaluate_bodies(g, hand, found, g.pick(adapted, lambda t: t.files), "adapted", p)
-    bodies.report_bodies(g, "grasp-adapt", hand, found, after, p, before, adapted)
+    adapted, curves = bodies.adapt_bodies(g, hand, found, policy, p)
+    after = bodies.evaluate_bodies(g, hand, found, adapted, "adapted", p)
+    bodies.report_bodies(g, "grasp-adapt", hand, found, after, p, before, curves)
 
 
 def report(g: Graph, target: str, s: Setup, results: Results, followed: Iterable[ClipsFollowed], p: Settings,

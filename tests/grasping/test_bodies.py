@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from afford.training.curves import Point, training_log
 from commands.errors import UsageError
 from commands.origin import origin
 from maps.settings import Settings
@@ -113,10 +114,13 @@ def test_an_evaluation_and_its_report(tmp_path: Path) -> None:
     runs = [body_evaluate.run(shadow(), one.tasks, policy, params, ctx) for one in (good, bad)]  # type: ignore[arg-type]
     assert [len(one.task) for one in runs] == [4, 0] and [len(one.traces) for one in runs] == [1, 0]
     names = tuple(file_tree(name) for name in ("stick", "sheet", "room"))
-    page = body_report.run(names, (good, bad), tuple(runs), body_report.Params(), ctx)  # type: ignore[arg-type]
+    points = [Point(step, f"val.{name}", 0.1 * step) for step in (0, 2) for name in ("score", "success", "held")]
+    logs = (training_log("stick", points, 2, 4), training_log("sheet", (), 0, 0))
+    page = body_report.run(names, (good, bad), tuple(runs), logs, body_report.Params(), ctx)  # type: ignore[arg-type]
     text = page.find("report.md").path.read_text()  # type: ignore[union-attr]
     found = json.loads(page.find("metrics.json").path.read_text())  # type: ignore[union-attr]
     assert "sheet: expected a body" in text and "room: could not be read" in text and "| stick | teacher | mujoco |" in text
+    assert "| stick | 0.0 | 20.0 | 0.0 | 20.0 | round 2 of 4 |" in text and "| sheet | 0" not in text
     assert (found["objects"], found["objects_refused"], found["teacher.mujoco.tasks_with_negative"]) == (3, 2, 1)
     assert 0 <= found["teacher.mujoco.succ"] <= 1
 

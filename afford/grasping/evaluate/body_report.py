@@ -23,8 +23,8 @@ fingertips within 2 cm of a negative point at the last step, over successes. Neg
 judged by the prediction; only tasks with N_t have one. The shipped policy was trained on flat tools. It begins over the place of
 the grasp family and is free from there on: it does not know the families around a body, at a rim or through a loop.
 """
-ADAPTED = """The policy of each object was trained on it: scripted grasps that lift it, found in both engines, were cloned into the shipped
-policy. The best weights on episodes of the training, below, were kept. The tables above have other episodes."""
+ADAPTED = """Scripted grasps that lift the object, found in both engines, were cloned into the shipped policy. The best weights on
+episodes of the training, below, were kept. The tables above are of other episodes."""
 
 
 class BodyRow(NamedTuple):
@@ -52,8 +52,8 @@ def write_report(name: str, meshes: Sequence[str], bodies: Sequence[BodyTasks], 
     unread = [one for one in meshes if one not in {body.name for body in bodies}]
     root = empty_folder(scratch / "report")
     write_json(root / "metrics.json", metrics(rows, len(meshes), len(unread) + sum(not body.tasks for body in bodies)))
-    (root / "report.md").write_text("\n".join([HEAD, *_tables(rows), *_uses(bodies, runs), *_adapted(adapted), *_remarks(bodies, unread)]) + "\n",
-                                    encoding="utf-8")
+    lines = [HEAD, *_tables(rows), *_uses(bodies, runs), *_adapted(adapted), *_remarks(bodies, unread)]
+    (root / "report.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
     return tree(name, root)
 
 

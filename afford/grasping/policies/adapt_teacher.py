@@ -2,9 +2,9 @@
 
 The expert of a task is the script that a search found (grasp_search.py), or the teacher as it was, whichever is better in all
 engines. Tasks in which the teacher succeeds anyway therefore keep its actions. The network starts from the teacher's weights and
-learns whole actions: the frozen prior, which pulls the hand to the posture of tools with as much as a residual may add, is left out.
-It is evaluated on episodes of the training between rounds, and the best weights are kept. If none are better than the teacher with
-its prior, the policy stays as it was.
+learns whole actions: the frozen prior, which pulls the hand to the posture of tools with as much as a residual may add, is left
+out. It is evaluated on episodes of the training between rounds, and the best weights are kept. If none are better than the teacher
+with its prior, the policy stays as it was.
 
 Randomness of the search is a function of the seed, that of a round of its number, so that a killed adaptation resumes to the same
 weights from its last round.
