@@ -222,7 +222,7 @@ def _experts(adaptation: Adaptation, folder: Path, progress: Callable[[int], Non
         tried = adaptation.scores(lambda worlds, rows=rows: _follow(worlds, rows, tasks), seed)["score"]  # type: ignore[misc]
         better = (tried > score) & np.isin(np.arange(tasks), wanted)
         best[better], score[better] = rows[better], tried[better]
-    expert = Expert(best, best.any(axis=1))
+    expert = Expert(best, np.asarray(best.any(axis=1)))
     save_checkpoint(folder / EXPERTS, {"rows": torch.from_numpy(best), "scripted": torch.from_numpy(expert.scripted)}, {})
     return expert
 

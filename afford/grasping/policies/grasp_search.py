@@ -144,7 +144,7 @@ def numbers(grasp: Grasp) -> np.ndarray:
 def shaped(row: np.ndarray) -> Grasp:
     """Build the script of (17,) numbers."""
     x = [float(number) for number in row]
-    return Grasp((x[0], x[1], x[2]), *x[3:11], (x[11], x[12], x[13], x[14], x[15]), x[16])
+    return Grasp((x[0], x[1], x[2]), x[3], x[4], x[5], x[6], x[7], x[8], x[9], x[10], (x[11], x[12], x[13], x[14], x[15]), x[16])
 
 
 def _eased(count: int) -> np.ndarray:
