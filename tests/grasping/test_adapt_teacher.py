@@ -83,7 +83,7 @@ def test_a_script_of_few_trials_is_doubted() -> None:
 
 
 def test_targets_of_a_script() -> None:
-    """From the start to the height of the goal above the closed hand; the wrist does not turn round on its way."""
+    """Targets lead from the start to the height of the goal above the closed hand; the wrist does not turn round on its way."""
     scene, aim = Scene(shadow(), held_by_handle().body), Aim(np.array([0.1, 0.0, 0.02]), 3.0)
     u = script(scene, aim, GRASP, (), 40, 0.2)
     assert u.shape == (40, 24) and u[-1, 2] - u[21, 2] == pytest.approx(0.2) and (u[34:] == u[-1]).all()
@@ -104,8 +104,8 @@ def test_a_killed_adaptation_resumes_to_the_same_bytes(tmp_path: Path, policy: F
 
 
 @pytest.mark.parametrize(("scores", "kept"), [((0.5, 0.4, 0.5), 0), ((0.5, 0.6, 0.4), 2)], ids=["worse", "better"])
-def test_only_better_weights_are_kept(tmp_path: Path, policy: FileTree, monkeypatch: pytest.MonkeyPatch, scores: tuple[float, ...],
-                                      kept: int) -> None:  # fmt: skip
+def test_worse_weights_are_dropped(tmp_path: Path, policy: FileTree, monkeypatch: pytest.MonkeyPatch, scores: tuple[float, ...],
+                                   kept: int) -> None:  # fmt: skip
     """Evaluations before and after two and three rounds; a policy that got worse, or is as good, stays as it was."""
     monkeypatch.setattr("afford.grasping.policies.adapt_teacher._experts", expert)
     found = iter(scores)
