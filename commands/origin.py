@@ -17,7 +17,7 @@ from schemas.scene import RenderedClip
 
 OWN_ROOMS = {"train-set": "afford-stills", "benchmark-set": "afford-stills-benchmark", "ablation": "ablation",
              "hands": "hands-finder", "held": "held-objects", "grasp": "grasp", "grasp-full": "grasp-full",
-             "grasp-play": "grasp-play",
+             "grasp-play": "grasp-play", "grasp-household": "grasp-household",
              "negative-affordance": "procedural-objects", "interactions": "interactions",
              "sor3d": "sor3d", "sor3d-ablation": "sor3d-ablation", "static-sets": "static-sets"}
 """targets that always render their own data -> name of their outputs"""

@@ -67,8 +67,8 @@ def _shipped(chosen: Settings, digest: Callable[[Path], str], target: str) -> di
     from afford.models.shipped import PARTS, TEACHER, shipped_files
 
     scorer, teacher = (PARTS, ("scorer_train",)), (TEACHER, ("rl_grasp_refinement", "hand_imitation"))
-    served = {"negative-affordance": (scorer,), "grasp-play": (teacher,), "grasp": (scorer, teacher),
-              "grasp-adapt": (scorer, teacher)}  # fmt: skip
+    served = {"negative-affordance": (scorer,), "grasp-play": (teacher,), "grasp-household": (teacher,),
+              "grasp": (scorer, teacher), "grasp-adapt": (scorer, teacher)}  # fmt: skip
     found: dict[str, FileTree] = {}
     for name, stages in served.get(target, ()):
         if any(chosen.params(stage) != type(chosen.params(stage))() for stage in stages):

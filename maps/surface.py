@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-from afford.surface.describe.looks import PARTS
+from afford.surface.describe.household import category_words
 from maps.common import parameters, record_run, recorded, reported, shipped, weights
 from maps.settings import Origin, Settings
 from runner import Graph
@@ -62,7 +62,7 @@ def add_views(g: Graph, of: str, spec: ObjectSpec, seen: view_render.Params, p: 
 def read_meshes(g: Graph, origin: Origin, p: Settings) -> ReadMesh:
     """Read the user's meshes."""
     files   = g.each(g.leaf("meshes", origin.meshes))
-    return g.add(mesh_read.run,             files=files,               params=replace(p.surface.mesh_read, categories=tuple(PARTS)))
+    return g.add(mesh_read.run,             files=files,               params=replace(p.surface.mesh_read, categories=category_words()))
 
 
 def add_meshes(g: Graph, read: ReadMesh, p: Settings) -> ObjectHandles:

@@ -21,6 +21,8 @@ from stages.grasping import (
     hand_model,
     hand_motion,
     hand_retarget,
+    household_shown,
+    household_tasks,
     human_motion,
     imitation_evaluate,
     motion_read,
@@ -72,5 +74,7 @@ class Grasping:
     body_adapt: body_adapt.Params = body_adapt.Params()
     body_evaluate: body_evaluate.Params = body_evaluate.Params()
     body_report: body_report.Params = body_report.Params()
+    household_tasks: household_tasks.Params = household_tasks.Params()
+    household_shown: household_shown.Params = household_shown.Params()
     grasp_record: grasp_record.Params = grasp_record.Params()
     grasp_report: grasp_report.Params = grasp_report.Params()

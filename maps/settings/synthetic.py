@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 from stages.synthetic import (
     benchmark_plan,
+    household_build,
+    household_plan,
     interaction_plan,
     interaction_render,
     object_build,
@@ -28,5 +30,7 @@ class Synthetic:
     still_sample: still_sample.Params = still_sample.Params()
     object_plan: object_plan.Params = object_plan.Params()
     object_build: object_build.Params = object_build.Params()
+    household_plan: household_plan.Params = household_plan.Params()
+    household_build: household_build.Params = household_build.Params()
     interaction_plan: interaction_plan.Params = interaction_plan.Params()
     interaction_render: interaction_render.Params = interaction_render.Params()

@@ -3,8 +3,9 @@
 Reads   HandModel; ObjectMesh, MeshParts and MeshReport; PartDescriptions and NegativeAffordances of the mesh
 Writes  BodyTasks: GraspTasks with predicted N_t, each with its body in the pose in which it is laid; refusals and assumptions, one
         sentence each
-Method  convex pieces per part, mass by density (as object_solids); each description is a use; the stable pose with the best place
-        of a grasp family (afford/grasping/env/families.py) is taken, if the body rests there in MuJoCo
+Method  convex pieces per part, mass by density (as object_solids), of vessels by their walls; each description is a use; the
+        stable pose with the best place of a grasp family (afford/grasping/env/families.py) is taken, if the body rests there in
+        MuJoCo
 Fails   never for a bad mesh: it has no tasks and a reason; ValueError for numbers out of range
 Paper   AffordDex grasps objects of UniDexGrasp in the poses in which they fall; the choice of the pose is ours
 """
@@ -45,6 +46,8 @@ class Params:
     """heavier objects are refused"""
     turns: int = 6
     """stable poses that are tried, best first"""
+    walls: bool = True
+    """vessels of the lexicon (afford/grasping/sim/walls.py WALLS) are empty: their mass is that of their walls"""
 
 
 def run(hand: HandModel, mesh: ObjectMesh, parts: MeshParts, report: MeshReport, descriptions: PartDescriptions,

@@ -39,12 +39,12 @@ def run(mesh: ObjectMesh, parts: MeshParts, views: ObjectViews, candidates: Part
         spec: ObjectSpec | None = None) -> NegativeScores:  # fmt: skip
     """Score one object; `spec` belongs to a procedural one."""
     from afford.common.image_files import encode_jpeg
-    from afford.surface.describe.lexicon import known_category, negative_parts
+    from afford.surface.describe.household import household_category, household_negative
     from afford.surface.negative.score import PartTruth, ScoredMasks, score
     from afford.surface.negative.score_report import QUALITY, sheet_row
 
-    kind, split, look = known_category(mesh.category), spec.split if spec else "given", spec.look if spec else "given"
-    true = {one.task: negative_parts(kind, one.task) if kind else frozenset[str]() for one in descriptions.descriptions}
+    kind, split, look = household_category(mesh.category), spec.split if spec else "given", spec.look if spec else "given"
+    true = {one.task: household_negative(kind, one.task) if kind else frozenset[str]() for one in descriptions.descriptions}
     rows = score(mesh, views, descriptions, ScoredMasks(candidates, scores), ScoredMasks(windows, window_scores), found,
                  PartTruth(parts, true), params.threshold, params.seed)  # fmt: skip
     six, every = float(views.seen_area[5]), float(views.seen_area[-1])

@@ -3,8 +3,8 @@
 Reads   ObjectMesh: name and category; ObjectViews: its images; files of a model (vlm)
 Writes  PartDescriptions: for each task the negative and positive parts, reasons, confidence, and whether the role depends on the
         task
-Method  `rules` looks category, task and state up in a lexicon (afford/surface/describe/lexicon.py) and uses no image; a category
-        outside the lexicon is `unknown` and has no parts. `vlm` prompts a local vision-language model with the images, `endpoint`
+Method  `rules` looks category, task and state up in the two tables of the lexicon (lexicon.py and household.py in
+        afford/surface/describe) and uses no image; a category outside both is `unknown` and has no parts. `vlm` prompts a local vision-language model with the images, `endpoint`
         one behind an OpenAI-compatible server; both parse its JSON answer. Objects of `uses` are described by it
 Fails   `rules` never: unknown objects are a valid result. `vlm` and `endpoint` without a model or server, without a required key,
         or when the answer violates the form
@@ -30,7 +30,7 @@ BACKEND_GPUS = {"vlm": "vlm.device"}
 GPU_SHARED = True
 BACKEND_TIMEOUT_S = {"vlm": 86400.0}  # reports no progress; hours on a CPU
 
-BACKENDS = {"rules": "afford.surface.describe.lexicon:describe", "vlm": "afford.surface.describe.chat:describe_by_model",
+BACKENDS = {"rules": "afford.surface.describe.household:describe", "vlm": "afford.surface.describe.chat:describe_by_model",
             "endpoint": "afford.surface.describe.chat:describe_by_server"}  # fmt: skip
 
 
@@ -54,11 +54,11 @@ def run(mesh: ObjectMesh, views: ObjectViews, params: Params, weights: FileTree 
     """Describe an object for its tasks."""
     from afford.common.registry import block, load
     from afford.models.weights import with_local_weights
-    from afford.surface.describe.lexicon import TASKS, known_category
+    from afford.surface.describe.household import uses_of
     from afford.surface.describe.uses import described
 
     if given := described(mesh, params.uses):
         return PartDescriptions(mesh.name, given)
     describe, own = load(BACKENDS, params.backend), with_local_weights(block(params, params.backend), weights)
-    tasks = params.tasks or TASKS.get(known_category(mesh.category), ("",))
+    tasks = params.tasks or uses_of(mesh.category) or ("",)
     return PartDescriptions(mesh.name, tuple(describe(mesh, views, task, own) for task in tasks))

@@ -253,6 +253,18 @@ def grasped_meshes(store: Path, folder: Path) -> None:
     run(store, "grasp-adapt", build("grasp-adapt", Origin("stick-adapted", meshes=(tree(at),)), p))
 
 
+def household(store: Path, folder: Path) -> None:
+    """A teacher that has hardly learned anything was tried on a can."""
+    p = SCHOOL.with_stages(
+        body_evaluate=replace(SCHOOL.grasping.body_evaluate, episodes=1, at_once=1, iterations=20),
+        body_report=replace(SCHOOL.grasping.body_report, engines=("mujoco",)),
+        household_plan=replace(SCHOOL.synthetic.household_plan, categories=("can",), per_category=1),
+        household_build=replace(SCHOOL.synthetic.household_build, edge_m=0.02),
+        household_tasks=replace(SCHOOL.grasping.household_tasks, uses=1, poses=("upright",), points=300, hulls=4),
+        household_shown=replace(SCHOOL.grasping.household_shown, shown=1))  # fmt: skip
+    run(store, "grasp-household", build("grasp-household", Origin("tiny"), p))
+
+
 def grasps(store: Path, folder: Path) -> None:
     """Two grasps were recorded."""
     graph = Graph()
@@ -363,6 +375,7 @@ MAKERS: dict[Maker, tuple[str, ...]] = {
     recorded_prior: ("recordings_read", "human_motion", "clip_proof", "prior_report"),
     grasped_meshes: ("part_segment", "body_tasks", "body_list", "body_evaluate", "body_episodes", "body_report",
                      "body_adapt"),
+    household: ("household_plan", "household_build", "household_tasks", "household_shown", "household_report"),
     judged: ("grasp_judge",),
     grasps: ("grasp_record",),
     from_masks: ("grasp_candidates", "grasp_compare", "grasp_compare_report", "positive_affordance_projection",

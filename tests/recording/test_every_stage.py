@@ -23,6 +23,7 @@ PLAN = "a list of what is to be rendered: the names and seeds stand in what is m
 FIGURES = "figures of one shard: the report over all of them is recorded"
 EXCEPTIONS: dict[str, str] = {
     "train_plan": PLAN, "benchmark_plan": PLAN, "hand_plan": PLAN, "object_plan": PLAN, "interaction_plan": PLAN,
+    "household_plan": PLAN,
     "scene_render": "its video is /frame_decode/image of the recording of the clip",
     "still_render": "stills are on the contact sheet of train_pack, which is recorded",
     "still_sample": "samples are on the contact sheet of train_pack, which is recorded",
@@ -54,6 +55,8 @@ EXCEPTIONS: dict[str, str] = {
     "part_segment": "its parts are those of the hulls that grasp_record shows",
     "body_tasks": "its bodies are /grasp_evaluate/scene of grasp_record; refusals are in body_report, which is recorded",
     "body_adapt": "its episodes before and after are in body_report, which is recorded, and those after in grasp_record",
+    "household_build": "its mesh is that of the hulls that grasp_record shows",
+    "household_tasks": "its bodies are /grasp_evaluate/scene of grasp_record; refusals are in household_report, which is recorded",
     "body_evaluate": "its episodes, joined by body_episodes, are those of grasp_record",
     "motion_report": "the verdict on each clip is in the log of motion_record",
 }

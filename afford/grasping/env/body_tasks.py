@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from afford.grasping.env.families import THIN_M, WIDE_M
 from afford.grasping.env.measures import SAFE_M
@@ -15,6 +17,8 @@ from afford.grasping.sim.engine import make_world
 from afford.grasping.sim.grasp_object import grasp_object
 from afford.grasping.sim.rest_poses import placed_rest_pose
 from afford.grasping.sim.scene import Scene
+from afford.grasping.sim.walls import WALLS, with_wall
+from afford.surface.describe.household import household_category
 from schemas.bodies import BodyTasks
 from schemas.grasp import GraspObject, GraspTask
 from schemas.hand import HandModel
@@ -40,23 +44,35 @@ class BodySettings:
     least_fit: float
     most_kg: float
     turns: int
+    walls: bool
 
 
 def body_tasks(hand: HandModel, mesh: ObjectMesh, parts: MeshParts, report: MeshReport, descriptions: PartDescriptions,
                found: NegativeAffordances, settings: BodySettings) -> BodyTasks:  # fmt: skip
     """Turn a mesh into the tasks that a hand can do with it; reasons for the other uses."""
     try:
-        body = _body(mesh, parts, settings)
+        body = rigid_body(mesh, parts, settings)
     except ValueError as error:
         return BodyTasks(mesh.name, (), (), (str(error),), assumptions(report))
     tasks, refused = list[GraspTask](), list[str]()
     for one in descriptions.descriptions:
         try:
-            tasks.append(_laid_task(hand, with_predicted_negative(_task(body, one), found), settings))
+            task = with_predicted_negative(use_task(body, one), found)
+            tasks.append(laid_task(hand, task, [(task, turn) for turn in ranked_turns(task)], settings))
         except ValueError as error:
             refused.append(str(error))
     family = tuple(places_of(one)[0].family for one in tasks)
-    return BodyTasks(mesh.name, tuple(tasks), family, tuple(refused), assumptions(report))
+    return BodyTasks(mesh.name, tuple(tasks), family, tuple(refused), (*assumptions(report), *_weighed(mesh, body, settings)))
+
+
+def _weighed(mesh: ObjectMesh, body: GraspObject, s: BodySettings) -> tuple[str, ...]:
+    """Sentence on the mass of a vessel."""
+    kind = household_category(mesh.category)
+    if not s.walls or kind not in WALLS:
+        return ()
+    wall = WALLS[kind]
+    return (f"{mesh.name}: is an empty {kind.replace('_', ' ')} of {wall.of} with walls of at most {1000 * wall.thick_m:g} mm, "
+            f"{body.mass_kg:.2f} kg; if it is solid or filled, set body_tasks.walls=false and body_tasks.density_kg_m3",)  # fmt: skip
 
 
 def assumptions(report: MeshReport) -> tuple[str, ...]:
@@ -86,14 +102,17 @@ def check_extent(mesh: ObjectMesh) -> None:
                          "which fingers cannot lift off a table; check its unit, or give it a thickness")  # fmt: skip
 
 
-def _body(mesh: ObjectMesh, parts: MeshParts, s: BodySettings) -> GraspObject:
+def rigid_body(mesh: ObjectMesh, parts: MeshParts, s: BodySettings) -> GraspObject:
     """Build the rigid body. ValueError, one sentence, for a mesh that cannot be one."""
     check_extent(mesh)
     body = grasp_object(mesh, parts, s.density_kg_m3, s.tolerance_m, s.hulls, s.hull_corners, s.points, s.seed)
     body = _with_volume_of(mesh, body, s.density_kg_m3)
+    wall = WALLS.get(household_category(mesh.category)) if s.walls else None
+    body = with_wall(mesh, body, body.mass_kg / s.density_kg_m3, wall) if wall else body
     if body.mass_kg > s.most_kg:
-        raise ValueError(f"{mesh.name}: expected at most {s.most_kg:g} kg, got {body.mass_kg:.2f} kg at {s.density_kg_m3:g} kg/m3; "
-                         "set body_tasks.density_kg_m3, lower for a hollow thing, or body_tasks.most_kg")  # fmt: skip
+        raise ValueError(f"{mesh.name}: expected at most {s.most_kg:g} kg, got {body.mass_kg:.2f} kg"
+                         f"{'' if wall else f' at {s.density_kg_m3:g} kg/m3'}; set body_tasks.density_kg_m3, lower for a hollow "
+                         "thing, or body_tasks.most_kg")  # fmt: skip
     return body
 
 
@@ -110,7 +129,7 @@ def _with_volume_of(mesh: ObjectMesh, body: GraspObject, density_kg_m3: float) -
     return replace(body, mass_kg=mass, inertia_kgm2=share * body.inertia_kgm2)
 
 
-def _task(body: GraspObject, one: PartDescription) -> GraspTask:
+def use_task(body: GraspObject, one: PartDescription) -> GraspTask:
     """Create the task of a description: the largest positive part is held, else the largest that is not negative."""
     count = dict(zip(body.parts, np.bincount(body.point_part, minlength=len(body.parts)).tolist(), strict=True))
     roles = {note.part: note.role for note in one.notes}
@@ -125,16 +144,20 @@ def _task(body: GraspObject, one: PartDescription) -> GraspTask:
     return GraspTask(name, "", one.task, body, negative, max(others, key=lambda part: count[part]), NONE, negative, NONE)
 
 
-def _laid_task(hand: HandModel, task: GraspTask, s: BodySettings) -> GraspTask:
-    """Lay the body of a task so that a hand can do it. ValueError, one sentence, where it cannot."""
-    for turn in ranked_turns(task)[: s.turns]:
+def laid_task(hand: HandModel, wanted: GraspTask, options: Sequence[tuple[GraspTask, Rotation]], s: BodySettings,
+              pose: str = "stable") -> GraspTask:  # fmt: skip
+    """Lay the body of a task so that a hand can do it: the first option of task and rotation, best first, in which it rests.
+
+    ValueError, one sentence, where it cannot.
+    """
+    for task, turn in options[: s.turns]:
         one = laid(task, turn)
         if places_of(one)[0].fit < s.least_fit:
             break
         if _rests(hand, one.body):
             return replace(one, A_t=spread_points(safe_points(one.body, one.hold, one.N_t), NEGATIVE_POINTS))
-    where = f" {100 * SAFE_M:.0f} cm off what must not be touched" if len(task.N_t) else ""
-    raise ValueError(f"{task.name}: no stable pose has a place on the {task.hold.replace('_', ' ')}{where} that a hand can hold: "
+    where = f" {100 * SAFE_M:.0f} cm off what must not be touched" if len(wanted.N_t) else ""
+    raise ValueError(f"{wanted.name}: no {pose} pose has a place on the {wanted.hold.replace('_', ' ')}{where} that a hand can hold: "
                      f"{100 * THIN_M:.1f} to {100 * WIDE_M:.0f} cm across, near the centre of mass")  # fmt: skip
 
 

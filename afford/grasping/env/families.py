@@ -1,6 +1,6 @@
 """Grasp families: where and from where a hand grasps a part, from the geometry of a body at rest and its task.
 
-    handle   power grasp of a lying bar, from above, fingers across it
+    handle   power grasp of a bar: of a lying one from above, of an upright one beside the body from outside
     body     power grasp around an upright body, from the side
     pinch    small or flat part between thumb and fingers, from above
     rim      wall of an open vessel, from above, one side in and one outside
@@ -35,13 +35,19 @@ SLICE_M, END_M = 0.025, 0.03
 """points within SLICE_M along a part are grasped together; places keep END_M from its ends"""
 LONG = 1.6
 """a bar is longer than this many of its widths"""
-TALL_M = 0.06
+TALL_M, SHORT_M = 0.06, 0.035
+"""least height of an upright body, and of an upright bar beside it"""
+FINGER_M, CLEAR_M = 0.010, 0.020
+"""thickness of a finger; room that fingers need beside what they grasp, free of anything above"""
 HOLE_M = 0.008
 """radius of the least hole for a finger"""
 FLAT = 0.4
 """a loop is flatter than this share of its height"""
 WALL_M = 0.02
 """thickest wall of a vessel"""
+UP = np.array([0.0, 0.0, 1.0])
+AROUND = 6
+"""eighths of a circle in which an open vessel has a wall; twelfths in which a loop has one"""
 LEAST = 8
 """fewest safe points of a part"""
 
@@ -133,45 +139,61 @@ def _pinch(part: PartShape) -> GraspPlace | None:
     """Part that is short or flat: across its narrower side on the table."""
     if _hole(part) or (part.size[0] >= LONG * part.size[1] and part.size[0] > TALL_M):
         return None
-    flat = part.spots[:, :2] - part.middle[:2]
-    long = np.append(np.linalg.svd(flat, full_matrices=False)[2][0], 0.0)
-    return _across("pinch", part, long, 0.0, 0.0)
+    return _across("pinch", part, _narrowest(part.spots), 0.0, 0.0)
 
 
 def _body(part: PartShape) -> GraspPlace | None:
-    """Upright body: around it, at the height of the centre of mass, across the wider side."""
+    """Upright body: around it, at the height of the centre of mass, across the wider side; an upright bar beside it is a handle."""
     low, high = np.percentile(part.spots[:, 2], [2, 98])
     slab = part.spots[np.abs(part.spots[:, 2] - np.clip(part.com[2], low, high)) <= SLICE_M]
-    if high - low < TALL_M or len(slab) < LEAST or _hole(part):
+    lies = abs(part.axes[0][2]) < 0.5 and part.size[0] >= LONG * part.size[1]
+    if high - low < SHORT_M or len(slab) < LEAST or lies or _hole(part):
         return None
-    axes = np.linalg.svd(slab[:, :2] - slab[:, :2].mean(0), full_matrices=False)[2]
-    width = float(np.ptp(slab[:, :2] @ axes[1]))
-    upright = (high - low) >= 0.9 * width
-    return GraspPlace("body", slab.mean(0), np.array([0.0, 0.0, 1.0]), -np.append(axes[0], 0.0), width, 0.0) if upright else None
+    long, at = _narrowest(slab), slab.mean(0)
+    across = np.cross(UP, long)
+    width = float(np.ptp(slab @ across))
+    if high - low < 0.9 * width or not _room(part, at, long, across, width, 2 * FINGER_M):
+        return None
+    towards = _flat(part.com - at)
+    beside = float(np.linalg.norm((part.com - at)[:2])) > width and high - low > LONG * width
+    if not beside and high - low < TALL_M:
+        return None
+    return GraspPlace("handle" if beside else "body", at, UP, towards if beside else -long, width, 0.0)
 
 
 def _rim(part: PartShape) -> GraspPlace | None:
-    """Open vessel: the top of its wall, at the safe spot nearest to the centre of mass."""
-    whole, top = part.whole, part.whole[:, 2].max()
+    """Open vessel: the top of its wall, at the safe spot nearest to the centre of mass with room above."""
+    whole, top = part.whole, part.spots[:, 2].max()
     from_axis = (whole - part.com)[:, :2]
     inwards = (from_axis * part.outwards[:, :2]).sum(1) < -0.3 * np.linalg.norm(from_axis, axis=1)
-    inner = whole[inwards & (whole[:, 2] > top - 0.03)]
+    inner = whole[inwards & (np.abs(whole[:, 2] - top + 0.015) < 0.015)]
     edge = part.spots[part.spots[:, 2] > top - 0.015]
-    if len(inner) < LEAST or not len(edge):
+    above = whole[whole[:, 2] > top + FINGER_M]
+    if len(inner) < LEAST or not _surrounds(inner, part.com):
+        return None
+    if len(above):
+        edge = edge[np.linalg.norm(edge[:, None, :2] - above[None, :, :2], axis=2).min(1) > CLEAR_M]
+    if not len(edge):
         return None
     at = edge[np.linalg.norm((edge - part.com)[:, :2], axis=1).argmin()]
-    out = (at - part.com) * (1, 1, 0) / max(float(np.linalg.norm((at - part.com)[:2])), 1e-9)
+    out = _flat(at - part.com)
     tangent = np.cross([0.0, 0.0, 1.0], out)
-    near = whole[(np.abs((whole - at) @ tangent) < 0.01) & (np.abs((whole - at) @ out) < WIDE_M / 2) & (whole[:, 2] > top - 0.015)]
+    near = whole[(np.abs((whole - at) @ tangent) < 0.01) & (np.abs((whole - at) @ out) < WIDE_M / 2) & (np.abs(whole[:, 2] - top) < 0.015)]
     wall = float(np.ptp(near @ out))
     if wall > WALL_M:
         return None
     return GraspPlace("rim", at, tangent, np.array([0.0, 0.0, -1.0]), max(wall, 2 * THIN_M), 0.0)
 
 
+def _surrounds(spots: np.ndarray, com: np.ndarray) -> bool:
+    """Test whether points (n, 3) are on nearly all sides of the centre of mass."""
+    side = np.arctan2(*(spots - com)[:, 1::-1].T)
+    return len(np.unique(np.floor(side / (np.pi / 4)))) >= AROUND
+
+
 def _hook(part: PartShape) -> GraspPlace | None:
-    """Loop: fingers through its hole, against the outer bar."""
-    if not _hole(part):
+    """Loop: fingers through its hole, against the outer bar. The opening of a vessel, in front of the centre of mass, is none."""
+    if not _hole(part) or _opening(part):
         return None
     away = np.asarray(part.middle - part.whole.mean(0))
     outer = part.spots[(part.spots - part.middle) @ away > 0]
@@ -183,12 +205,20 @@ RULES: tuple[Callable[[PartShape], GraspPlace | None], ...] = (_handle, _pinch, 
 
 
 def _hole(part: PartShape) -> bool:
-    """Test whether the middle of a flat part is in a hole: the surface nearest to it faces it, at a finger's radius."""
+    """Test whether the middle of a flat part is in a hole: in most directions, the nearest surface is a finger away and faces it."""
     toward = part.middle - part.spots
-    far = np.linalg.norm(toward, axis=1)
-    near = far <= np.quantile(far, 0.25)
-    facing = (toward[near] * part.normals[near]).sum(1) > 0.3 * far[near]
-    return bool(far.min() > HOLE_M and part.size[2] < FLAT * part.size[1] and facing.mean() > 0.5)
+    x, y = part.axes[:2] @ -toward.T
+    far, side = np.hypot(x, y), np.floor(np.arctan2(y, x) / (np.pi / 6))
+    near = np.array([np.flatnonzero(side == one)[far[side == one].argmin()] for one in np.unique(side)])
+    facing = (toward[near] * part.normals[near]).sum(1) > 0.3 * np.linalg.norm(toward[near], axis=1)
+    return bool(far.min() > HOLE_M and part.size[2] < FLAT * part.size[1] and facing.sum() >= AROUND)
+
+
+def _opening(part: PartShape) -> bool:
+    """Test whether the axis of a hole passes the centre of mass within the hole."""
+    offset = part.com - part.middle
+    beside = float(np.linalg.norm(offset - (offset @ part.axes[2]) * part.axes[2]))
+    return beside < float(np.linalg.norm(part.spots - part.middle, axis=1).min())
 
 
 def _range(part: PartShape, axis: np.ndarray) -> tuple[float, float]:
@@ -205,8 +235,26 @@ def _across(family: str, part: PartShape, axis: np.ndarray, low: float, high: fl
         return None
     at = slab.mean(0)
     at = at + (chosen - (at - part.middle) @ axis) * axis
-    width = float(np.ptp(np.percentile(slab @ np.cross([0.0, 0.0, 1.0], axis), [2, 98])))
-    return GraspPlace(family, at, axis, np.array([0.0, 0.0, -1.0]), width, 0.0)
+    across = np.cross(UP, axis)
+    width = float(np.ptp(np.percentile(slab @ across, [2, 98])))
+    return GraspPlace(family, at, axis, -UP, width, 0.0) if _room(part, at, axis, across, width, np.inf) else None
+
+
+def _room(part: PartShape, at: np.ndarray, axis: np.ndarray, across: np.ndarray, width_m: float, above_m: float) -> bool:
+    """Test whether fingers have room on both sides of a place, at its height and up to `above_m` above it."""
+    offset = part.whole - at
+    beside = np.abs(offset @ across) - width_m / 2
+    level = (np.abs(offset @ axis) <= FINGER_M) & (offset[:, 2] > -FINGER_M) & (offset[:, 2] < above_m)
+    return not (level & (beside > THIN_M) & (beside < CLEAR_M)).any()
+
+
+def _narrowest(spots: np.ndarray) -> np.ndarray:
+    """Horizontal unit axis (3,) across which points (n, 3) are narrowest."""
+    turn = np.arange(24) * np.pi / 24
+    axes = np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1)
+    wide = np.ptp(np.percentile(spots @ np.cross(UP, axes).T, [2, 98], axis=0), axis=0)
+    found: np.ndarray = axes[wide.argmin()]
+    return found
 
 
 def _flat(axis: np.ndarray) -> np.ndarray:

@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from typing import Literal, NamedTuple
 
-from afford.surface.describe.looks import LOOKS, LOOKS_OF, word_phrase
+from afford.surface.describe.household import SHAPES, household_category, shape_of
+from afford.surface.describe.looks import LOOKS, word_phrase
 from schemas.mesh import ObjectMesh
 from schemas.surface import PartDescription, PartNote
 
@@ -58,9 +59,9 @@ def _notes(mesh: ObjectMesh, use: Use, uses: Iterable[Use]) -> Iterator[PartNote
         ("negative", "its owner says that it must not be touched", use.avoid), ("positive", "a hand belongs here", use.hold))
     for role, reason, parts in columns:
         for part, looks in parts.items():
-            shape = looks or LOOKS_OF.get((mesh.category, part)) or LOOKS.get(part)
+            shape = looks or shape_of(household_category(mesh.category), part)
             if shape is None:
-                raise ValueError(f"use of {use.object}, part {part}: expected one of {', '.join(sorted(LOOKS))}, or a shape, as in "
-                                 f"'{part} = a short thick tube at the end'")  # fmt: skip
+                raise ValueError(f"use of {use.object}, part {part}: expected one of {', '.join(sorted({*LOOKS, *SHAPES}))}, or a "
+                                 f"shape, as in '{part} = a short thick tube at the end'")  # fmt: skip
             turns = any(part in (one.hold if role == "negative" else one.avoid) for one in uses if one.object == use.object)
             yield PartNote(part, word_phrase(mesh.category or mesh.name, part, shape), role, reason, 1.0, turns)
