@@ -89,6 +89,12 @@ SCHOOL: Changes = {
     "grasp_two_tasks.rounds": 1, "grasp_two_tasks.iterations": 20, "grasp_two_tasks.width": 64, "grasp_two_tasks.height": 48,
     "grasp_two_tasks.supersample": 1, "grasp_record.width": 64, "grasp_record.height": 48,
     "grasp_record.supersample": 1}  # fmt: skip
+HOUSEHOLD: Changes = {
+    **{name: value for name, value in SCHOOL.items() if not name.startswith(("grasp_two_tasks", "grasp_evaluate"))},
+    "household_plan.categories": "can,tube", "household_plan.per_category": 1, "household_build.edge_m": 0.02,
+    "household_tasks.uses": 1, "household_tasks.hulls": 4, "household_tasks.points": 256,
+    "body_evaluate.episodes": 1, "body_evaluate.iterations": 20,
+    "household_shown.shown": 1}  # fmt: skip
 PRIOR = ("object_plan", "object_solids", "grasp_tasks", "grasp_targets", "hand_imitation")
 """stages of SCHOOL that the target grasp-prior has as well"""
 PROOF: Changes = {"human_motion.data": "synthetic", "clip_proof.proofs": 0}
@@ -131,6 +137,7 @@ RUNS: dict[str, Run] = {
     "grasp-full": Run("grasp-full", {**SCHOOL, **FULL, **SURFACE, **STILLS, **TWOHANDS}, options=("--minutes", "inf")),
     "grasp-play": Run("grasp-play", {name: value for name, value in SCHOOL.items() if "two_tasks" not in name}),
     "grasp-adapt": Run("grasp-adapt", ADAPTED, source="mesh"),
+    "grasp-household": Run("grasp-household", HOUSEHOLD),
     "grasp-prior": Run("grasp-prior", {**{name: value for name, value in SCHOOL.items() if name.startswith(PRIOR)}, **PROOF},
                        source="motion"),
     "interactions": Run("interactions", SEQUENCES),
@@ -200,10 +207,11 @@ NAMES_CODE: dict[str, str] = {
         "source_read", "hand_detect", "frame_decode", "mask_densify", "hand_inpaint", "object_completion", "affordance_intersect",
         "narration_labelling", "sample_assemble", "model_train", "sor3d_train", "sor3d_pretrain", "boxes_train",
         "extraction_report", "negative_affordance_report", "motion_files",
-        "grasp_report", "sor3d_report", "static_sor3d", "static_boxes", "static_true_boxes", "static_report", "hands_train",
-        "held_train", "scorer_train", "hand_imitation", "rl_grasp_refinement", "grasp_student", "motion_read", "motion_synthesise",
-        "positive_affordance_projection", "train_pack")), SCHEMAS),
-    **dict.fromkeys(("clip_record", "object_record", "grasp_record", "interaction_record"), SCHEMAS),
+        "grasp_report", "household_report", "sor3d_report", "static_sor3d", "static_boxes", "static_true_boxes", "static_report",
+        "hands_train", "held_train", "scorer_train", "hand_imitation", "rl_grasp_refinement", "grasp_student", "motion_read",
+        "motion_synthesise", "positive_affordance_projection", "train_pack")), SCHEMAS),
+    **dict.fromkeys(("clip_record", "object_record", "grasp_record", "grasp_record_bullet", "grasp_record_mujoco",
+                     "interaction_record"), SCHEMAS),
     "dataset_pack": VERB, "train_pack": VERB, "record_dataset_pack": f"{SCHEMAS}; {VERB}",
     "benchmark": PAGES, "ablation_report": PAGES, "record_benchmark": f"{SCHEMAS}; {PAGES}",
     "record_ablation_report": f"{SCHEMAS}; {PAGES}",

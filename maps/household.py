@@ -1,4 +1,4 @@
-"""Graph of grasps of household bodies: tools, vessels and packages -> tasks upright, flat and dropped -> both engines -> the report."""
+"""Graph of grasps of household bodies: tools, vessels and packages -> tasks in three poses -> both engines -> the report."""
 
 from __future__ import annotations
 

@@ -62,7 +62,8 @@ def add_views(g: Graph, of: str, spec: ObjectSpec, seen: view_render.Params, p: 
 def read_meshes(g: Graph, origin: Origin, p: Settings) -> ReadMesh:
     """Read the user's meshes."""
     files   = g.each(g.leaf("meshes", origin.meshes))
-    return g.add(mesh_read.run,             files=files,               params=replace(p.surface.mesh_read, categories=category_words()))
+    return g.add(mesh_read.run,             files=files,
+                 params=replace(p.surface.mesh_read, categories=category_words()))
 
 
 def add_meshes(g: Graph, read: ReadMesh, p: Settings) -> ObjectHandles:

@@ -4,8 +4,9 @@ Reads   ObjectMesh: name and category; ObjectViews: its images; files of a model
 Writes  PartDescriptions: for each task the negative and positive parts, reasons, confidence, and whether the role depends on the
         task
 Method  `rules` looks category, task and state up in the two tables of the lexicon (lexicon.py and household.py in
-        afford/surface/describe) and uses no image; a category outside both is `unknown` and has no parts. `vlm` prompts a local vision-language model with the images, `endpoint`
-        one behind an OpenAI-compatible server; both parse its JSON answer. Objects of `uses` are described by it
+        afford/surface/describe) and uses no image; a category outside both is `unknown` and has no parts. `vlm` prompts a local
+        vision-language model with the images, `endpoint` one behind an OpenAI-compatible server; both parse its JSON answer.
+        Objects of `uses` are described by it
 Fails   `rules` never: unknown objects are a valid result. `vlm` and `endpoint` without a model or server, without a required key,
         or when the answer violates the form
 Paper   AffordDex, negative affordance: GPT-4V is prompted for one part that should not be touched, independent of the task

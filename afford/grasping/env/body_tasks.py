@@ -72,7 +72,7 @@ def _weighed(mesh: ObjectMesh, body: GraspObject, s: BodySettings) -> tuple[str,
         return ()
     wall = WALLS[kind]
     return (f"{mesh.name}: is an empty {kind.replace('_', ' ')} of {wall.of} with walls of at most {1000 * wall.thick_m:g} mm, "
-            f"{body.mass_kg:.2f} kg; if it is solid or filled, set body_tasks.walls=false and body_tasks.density_kg_m3",)  # fmt: skip
+            f"{body.mass_kg:.2f} kg; if it is solid or filled, set body_tasks.walls=false and .density_kg_m3",)  # fmt: skip
 
 
 def assumptions(report: MeshReport) -> tuple[str, ...]:
@@ -157,8 +157,8 @@ def laid_task(hand: HandModel, wanted: GraspTask, options: Sequence[tuple[GraspT
         if _rests(hand, one.body):
             return replace(one, A_t=spread_points(safe_points(one.body, one.hold, one.N_t), NEGATIVE_POINTS))
     where = f" {100 * SAFE_M:.0f} cm off what must not be touched" if len(wanted.N_t) else ""
-    raise ValueError(f"{wanted.name}: no {pose} pose has a place on the {wanted.hold.replace('_', ' ')}{where} that a hand can hold: "
-                     f"{100 * THIN_M:.1f} to {100 * WIDE_M:.0f} cm across, near the centre of mass")  # fmt: skip
+    raise ValueError(f"{wanted.name}: no {pose} pose has a place on the {wanted.hold.replace('_', ' ')}{where} that a hand can "
+                     f"hold: {100 * THIN_M:.1f} to {100 * WIDE_M:.0f} cm across, near the centre of mass")  # fmt: skip
 
 
 def _rests(hand: HandModel, body: GraspObject) -> bool:

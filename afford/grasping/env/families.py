@@ -178,8 +178,8 @@ def _rim(part: PartShape) -> GraspPlace | None:
     at = edge[np.linalg.norm((edge - part.com)[:, :2], axis=1).argmin()]
     out = _flat(at - part.com)
     tangent = np.cross([0.0, 0.0, 1.0], out)
-    near = whole[(np.abs((whole - at) @ tangent) < 0.01) & (np.abs((whole - at) @ out) < WIDE_M / 2) & (np.abs(whole[:, 2] - top) < 0.015)]
-    wall = float(np.ptp(near @ out))
+    offset = whole[np.abs(whole[:, 2] - top) < 0.015] - at
+    wall = float(np.ptp(offset[(np.abs(offset @ tangent) < 0.01) & (np.abs(offset @ out) < WIDE_M / 2)] @ out))
     if wall > WALL_M:
         return None
     return GraspPlace("rim", at, tangent, np.array([0.0, 0.0, -1.0]), max(wall, 2 * THIN_M), 0.0)
@@ -205,7 +205,7 @@ RULES: tuple[Callable[[PartShape], GraspPlace | None], ...] = (_handle, _pinch, 
 
 
 def _hole(part: PartShape) -> bool:
-    """Test whether the middle of a flat part is in a hole: in most directions, the nearest surface is a finger away and faces it."""
+    """Test whether the middle of a flat part is in a hole: in most directions, the nearest surface is off it and faces it."""
     toward = part.middle - part.spots
     x, y = part.axes[:2] @ -toward.T
     far, side = np.hypot(x, y), np.floor(np.arctan2(y, x) / (np.pi / 6))

@@ -32,7 +32,8 @@ def household_tasks(hand: HandModel, mesh: ObjectMesh, parts: MeshParts, stands:
                     settings: BodySettings) -> BodyTasks:  # fmt: skip
     """Derive the tasks of a body that is built standing (`stands`) or lying: its first uses, each in each pose.
 
-    A lying one is not set upright. ValueError for a category without rows in the lexicon, an unknown pose, or a mesh that cannot be a body.
+    A lying one is not set upright. ValueError for a category without rows in the lexicon, an unknown pose, or a mesh that
+    cannot be a body.
     """
     wanted = uses_of(mesh.category)[:uses]
     if not wanted or set(poses) - set(POSES):

@@ -1,4 +1,4 @@
-"""Report of policies on household bodies: tables by grasp family, pose and category, held-out categories apart; and films by family."""
+"""Report of policies on household bodies: tables by grasp family, pose and category; films by family."""
 
 from __future__ import annotations
 
@@ -112,15 +112,16 @@ def _table(title: str, rows: Sequence[tuple[str, GraspEpisodes, list[Posed], Cel
 def _categories(posed: Sequence[Posed], runs: Sequence[GraspEpisodes]) -> Iterator[str]:
     """Yield a table with a row for each category."""
     columns = [f"{run.policy}, {run.engine}" for run in runs]
-    yield from ("## By category", "", "Succ %.", "", f"| category | held out | mass, kg | families | tasks | {' | '.join(columns)} |")
+    yield from ("## By category", "", "Succ %.", "",
+                f"| category | held out | mass, kg | families | tasks | {' | '.join(columns)} |")  # fmt: skip
     yield f"|---|---|---|---|--:|{'--:|' * len(columns)}"
     for category in sorted({one.task.body.category for one in posed}):
         mine = [one for one in posed if one.task.body.category == category]
         mass = [one.task.body.mass_kg for one in mine]
         families = ", ".join(name for name in FAMILIES if name in {one.family for one in mine})
         cells = [f"{100 * cell.succ:.0f}" if (cell := cell_of(mine, run)) is not None else "-" for run in runs]
-        yield (f"| {category.replace('_', ' ')} | {'yes' if mine[0].held_out else ''} | {min(mass):.2f} to {max(mass):.2f} | {families} "
-               f"| {len(mine)} | {' | '.join(cells)} |")
+        yield (f"| {category.replace('_', ' ')} | {'yes' if mine[0].held_out else ''} | {min(mass):.2f} to {max(mass):.2f} | "
+               f"{families} | {len(mine)} | {' | '.join(cells)} |")
 
 
 def by_family(bodies: Sequence[BodyTasks], run: GraspEpisodes, shown: int) -> tuple[GraspEpisodes, ...]:

@@ -90,7 +90,8 @@ def soap_dispenser(rng: np.random.Generator) -> tuple[Solid, ...]:
     side = curve([(r - 0.003, 0.0), (r, 0.006), (r, 0.78 * h), (0.42 * r, h)], 18)
     body = revolve(np.concatenate([[(0, 0)], side, [(0, h)]]))
     rise, press = rng.uniform(0.022, 0.032), rng.uniform(0.013, 0.017)
-    neck = revolve([(0, h - 0.004), (0.40 * r, h - 0.004), (0.40 * r, h + 0.010), (0.006, h + 0.011), (0.006, h + rise), (0, h + rise)])
+    neck = revolve([(0, h - 0.004), (0.40 * r, h - 0.004), (0.40 * r, h + 0.010), (0.006, h + 0.011), (0.006, h + rise),
+                    (0, h + rise)])  # fmt: skip
     head = revolve([(0, h + rise - 0.002), (press, h + rise - 0.002), (press, h + rise + 0.012), (0, h + rise + 0.014)])
     reach, z = rng.uniform(0.028, 0.040), h + rise + 0.005
     path = curve([(0, press - 0.006, z), (0, press + 0.7 * reach, z + 0.001), (0, press + reach, z - 0.007)], 12)
