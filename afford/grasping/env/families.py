@@ -162,7 +162,7 @@ def _body(part: PartShape) -> GraspPlace | None:
 
 
 def _rim(part: PartShape) -> GraspPlace | None:
-    """Open vessel: the top of its wall, at the safe spot nearest to the centre of mass with room above."""
+    """Open vessel: the top of its wall, at the safe spot near to the centre of mass and off what is above."""
     whole, top = part.whole, part.spots[:, 2].max()
     from_axis = (whole - part.com)[:, :2]
     inwards = (from_axis * part.outwards[:, :2]).sum(1) < -0.3 * np.linalg.norm(from_axis, axis=1)
@@ -171,11 +171,11 @@ def _rim(part: PartShape) -> GraspPlace | None:
     above = whole[whole[:, 2] > top + FINGER_M]
     if len(inner) < LEAST or not _surrounds(inner, part.com):
         return None
-    if len(above):
-        edge = edge[np.linalg.norm(edge[:, None, :2] - above[None, :, :2], axis=2).min(1) > CLEAR_M]
+    room = np.linalg.norm(edge[:, None, :2] - above[None, :, :2], axis=2).min(1) if len(above) else np.full(len(edge), np.inf)
+    edge, room = edge[room > CLEAR_M], room[room > CLEAR_M].clip(max=WIDE_M)
     if not len(edge):
         return None
-    at = edge[np.linalg.norm((edge - part.com)[:, :2], axis=1).argmin()]
+    at = edge[(np.linalg.norm((edge - part.com)[:, :2], axis=1) - room).argmin()]
     out = _flat(at - part.com)
     tangent = np.cross([0.0, 0.0, 1.0], out)
     offset = whole[np.abs(whole[:, 2] - top) < 0.015] - at

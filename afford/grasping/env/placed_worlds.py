@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -18,6 +19,8 @@ from schemas.hand import HandModel
 
 LYING = 0.5
 """an axis lies when its horizontal part is longer than this"""
+REACH_M, BESIDE_M = 0.04, 0.05
+"""depth that the hand reaches below the top of what is within BESIDE_M of a place"""
 
 
 class PlacedWorlds(GraspWorlds):
@@ -33,11 +36,17 @@ class PlacedWorlds(GraspWorlds):
 
 
 def best_place(task: GraspTask) -> GraspPlace:
-    """Best place of a task. ValueError without one."""
+    """Best place of a task, as high as the hand reaches. ValueError without one."""
     places = places_of(task)
     if not places:
         raise ValueError(f"{task.name}: expected a part that a hand can hold, got none; body_tasks refuses such tasks")
-    return places[0]
+    return _reached(places[0], task.body.points.astype(np.float64))
+
+
+def _reached(place: GraspPlace, points: np.ndarray) -> GraspPlace:
+    """Raise a place to where fingers reach it from above, so that the hand does not begin inside the body around it."""
+    top = float(points[np.linalg.norm((points - place.at_m)[:, :2], axis=1) < BESIDE_M, 2].max(initial=-np.inf))
+    return replace(place, at_m=np.append(place.at_m[:2], max(place.at_m[2], top - REACH_M)))
 
 
 def aim_at_place(place: GraspPlace, pose: np.ndarray, com_m: np.ndarray) -> Aim:
