@@ -49,9 +49,9 @@ def write_meshes(folder: Path, faces: int) -> None:
     trimesh.creation.box((5.0, 4.0, 2.5)).export(folder / "room.glb")
     trimesh.creation.box((0.2, 0.1, 0.002)).export(folder / "card.ply")
     cube = trimesh.creation.box((0.06, 0.06, 0.06))
-    inside_out = cube.copy()
-    inside_out.invert()
-    (cube + inside_out).export(folder / "nothing.ply")
+    inside = trimesh.creation.box((0.0599999, 0.0599999, 0.0599999))
+    inside.invert()
+    (cube + inside).export(folder / "nothing.ply")
     trimesh.creation.box((0.2, 0.025, 0.02)).export(folder / "stick.ply")
 
 

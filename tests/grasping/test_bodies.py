@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -42,10 +43,11 @@ def stick(name: str = "stick", size: tuple[float, float, float] = (0.2, 0.025, 0
     return mesh
 
 
-def tasks_of(mesh: trimesh.Trimesh, name: str = "stick", params: body_tasks.Params = FEW, **report: object) -> BodyTasks:
+def tasks_of(mesh: trimesh.Trimesh, name: str = "stick", params: body_tasks.Params = FEW, category: str = "",
+             **report: object) -> BodyTasks:  # fmt: skip
     """Tasks of a mesh, whose half with x > 0 is a blade that must not be touched to cut, and of which nothing is known else."""
     blade = mesh.triangles_center[:, 0] > 0
-    given = ObjectMesh(name, "", mesh.vertices.astype(np.float32), mesh.faces.astype(np.int32),
+    given = ObjectMesh(name, category, mesh.vertices.astype(np.float32), mesh.faces.astype(np.int32),
                        np.zeros((len(mesh.faces), 3, 2), np.float32), np.zeros((1, 1, 3), np.uint8))
     notes = (PartNote("blade", "the blade", "negative", "it cuts", 1.0, False),
              PartNote("handle", "the handle", "positive", "", 1.0, False))  # fmt: skip
@@ -98,6 +100,22 @@ def test_flat_and_empty_meshes_are_refused() -> None:
     plane = trimesh.Trimesh([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0.1, 0.1, 0]], [[0, 1, 2], [1, 3, 2]], process=False)
     empty = trimesh.Trimesh([[0, 0, 0]], np.zeros((0, 3), int), process=False)
     assert "0.0 mm" in tasks_of(plane).refused[0] and "got 0 points" in tasks_of(empty).refused[0]
+
+
+def test_a_skin_without_mass_is_refused() -> None:
+    """A closed surface that encloses nearly nothing, of which an engine would make a body of no weight."""
+    skin, inside = trimesh.creation.box((0.06, 0.06, 0.06)), trimesh.creation.box((0.0599999, 0.0599999, 0.0599999))
+    inside.invert()
+    made = tasks_of(skin + inside)
+    assert made.tasks == () and len(made.refused) == 1 and "0.5 g or more" in made.refused[0]
+
+
+def test_a_vessel_weighs_what_its_walls_do() -> None:
+    """An object called bottle is empty and says so; `walls=false` makes it solid."""
+    size = (0.06, 0.06, 0.2)
+    empty, solid = (tasks_of(stick(size=size), "bottle", replace(FEW, walls=walls), category="bottle") for walls in (True, False))
+    assert empty.tasks[0].body.mass_kg == pytest.approx(0.0552 * 0.001 * 950, rel=0.01) and "plastic" in empty.notes[0]
+    assert solid.tasks[0].body.mass_kg == pytest.approx(700 * 0.06 * 0.06 * 0.2, rel=0.01) and solid.notes == ()
 
 
 def test_assumptions_are_sentences() -> None:
