@@ -11,6 +11,7 @@ import pytest
 import trimesh
 
 from afford.grasping.env.families import GraspPlace, grasp_places
+from afford.grasping.env.placed_worlds import REACH_M, best_place
 from afford.grasping.evaluate.household_report import by_family, write_report
 from afford.grasping.sim.grasp_object import grasp_object
 from afford.grasping.sim.walls import WALLS, Wall, with_wall
@@ -115,6 +116,7 @@ def test_tasks_upright_flat_and_dropped() -> None:
     assert len(flat.N_t) == 100 and np.linalg.norm(flat.N_t[:, None] - lid[None], axis=2).min(1).max() < 1e-4
     assert upright.body.size_m[2] > flat.body.size_m[2] + 0.005 and 0.02 < flat.body.mass_kg < 0.2
     assert all(one.body.points[:, 2].min() > -0.002 for one in made.tasks)
+    assert best_place(upright).at_m[2] == pytest.approx(upright.body.points[:, 2].max() - REACH_M, abs=1e-3)
 
 
 def test_tools_lie_and_are_never_upright() -> None:

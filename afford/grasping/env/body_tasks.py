@@ -112,8 +112,8 @@ def rigid_body(mesh: ObjectMesh, parts: MeshParts, s: BodySettings) -> GraspObje
     wall = WALLS.get(household_category(mesh.category)) if s.walls else None
     body = with_wall(mesh, body, body.mass_kg / s.density_kg_m3, wall) if wall else body
     if body.mass_kg < LEAST_KG:
-        raise ValueError(f"{mesh.name}: expected {1000 * LEAST_KG:g} g or more, got {1000 * body.mass_kg:.2g} g; its faces enclose nearly "
-                         "nothing: give it a thickness, or close it")  # fmt: skip
+        raise ValueError(f"{mesh.name}: expected {1000 * LEAST_KG:g} g or more, got {1000 * body.mass_kg:.2g} g; its faces enclose "
+                         "nearly nothing: give it a thickness, or close it")  # fmt: skip
     if body.mass_kg > s.most_kg:
         raise ValueError(f"{mesh.name}: expected at most {s.most_kg:g} kg, got {body.mass_kg:.2f} kg"
                          f"{'' if wall else f' at {s.density_kg_m3:g} kg/m3'}; set body_tasks.density_kg_m3, lower for a hollow "
