@@ -68,6 +68,7 @@ def two_hands(g: Graph, model: FileTree, cases: FileTree | None) -> FileTree:
     p = Settings()
     shown = stills_to_measure(g, p) if cases is None else g.leaf("cases", cases)
     predicted = twohands.predict_with_prompts(g, shown, g.leaf("model", model), p)
+    predicted = {name: files for name, files in predicted.items() if not name.endswith("removed")}
     predicted["centre"] = g.named("baseline_centre").add(
         baseline_cases.run, cases=shown, dataset=g.leaf("no_dataset", FileTree("none", ())), ctx=g.ctx,
         params=replace(p.twohands.baseline_cases, backend="centre"))  # fmt: skip
