@@ -20,7 +20,7 @@ from schemas.hand import HandModel
 from schemas.spec import Context
 from schemas.training import Trained
 
-LIBRARIES = ("numpy", "scipy", "torch", "mujoco", "pybullet", "gymnasium", "trimesh", "safetensors", "blake3")
+LIBRARIES = ("numpy", "scipy", "torch", "mujoco", "pybullet", "gymnasium", "trimesh", "numba", "safetensors", "blake3")
 THREADS = 1
 MEMORY_GIB = 1.5
 

@@ -31,12 +31,12 @@ def sources(room: str) -> list[Path]:
 
 
 @cache
-@cache
 def parsed(path: Path) -> ast.Module:
     """The syntax tree of a file."""
     return ast.parse(path.read_text())
 
 
+@cache
 def imported(path: Path, *, runtime_only: bool = True) -> set[str]:
     """Full names of everything a file imports, also inside functions; without imports for type checkers when `runtime_only`."""
     tree = parsed(path)

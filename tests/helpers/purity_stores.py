@@ -244,7 +244,7 @@ def grasped_meshes(store: Path, folder: Path) -> None:
     """A teacher that has hardly learned anything was tried on a box, and hardly adapted to it."""
     p = SCHOOL.with_stages(
         body_evaluate=replace(SCHOOL.grasping.body_evaluate, episodes=1, at_once=1, iterations=20),
-        body_adapt=replace(SCHOOL.grasping.body_adapt, worlds=2, bullet=1, generations=1, rounds=1, updates=2, iterations=20),
+        body_adapt=replace(SCHOOL.grasping.body_adapt, worlds=2, bullet=0, generations=1, rounds=1, updates=2, iterations=20),
         body_report=replace(SCHOOL.grasping.body_report, engines=("mujoco",)),
         mesh_texture=replace(SCHOOL.surface.mesh_texture, procedural=replace(SCHOOL.surface.mesh_texture.procedural, side_px=64)))
     at = folder / "stick"
