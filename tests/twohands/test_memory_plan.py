@@ -48,7 +48,7 @@ def saved(backbones: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def job(folder: Path, **change: object) -> TwoHandsJob:
     params = replace(model_train.VLM, backbones=str(folder), height_px=64, width_px=64, accumulate=1, val_samples=2)
-    return model_train._job(replace(params, **change))  # type: ignore[arg-type]
+    return model_train.training_job(replace(params, **change))  # type: ignore[arg-type]
 
 
 def free(monkeypatch: pytest.MonkeyPatch, size: int) -> None:
@@ -205,5 +205,5 @@ def test_the_verb_plans_a_folder(saved: Path, tmp_path: Path, capsys: pytest.Cap
 def test_the_paper_recipe_of_7b_fits_a_card_of_24_gib(tmp_path: Path) -> None:
     """The plan fits with frozen weights in bfloat16 and checkpointing; not with frozen weights in single precision."""
     params = replace(model_train.VLM, backbones=str(write_backbones(tmp_path, "7b")), device="cuda")
-    half, single = (plan_training(model_train._job(replace(params, frozen_dtype=dtype))) for dtype in ("bfloat16", "float32"))
+    half, single = (plan_training(model_train.training_job(replace(params, frozen_dtype=dtype))) for dtype in ("bfloat16", "float32"))
     assert half.total < 24 * GIB < single.total
