@@ -205,5 +205,6 @@ def test_the_verb_plans_a_folder(saved: Path, tmp_path: Path, capsys: pytest.Cap
 def test_the_paper_recipe_of_7b_fits_a_card_of_24_gib(tmp_path: Path) -> None:
     """The plan fits with frozen weights in bfloat16 and checkpointing; not with frozen weights in single precision."""
     params = replace(model_train.VLM, backbones=str(write_backbones(tmp_path, "7b")), device="cuda")
-    half, single = (plan_training(model_train.training_job(replace(params, frozen_dtype=dtype))) for dtype in ("bfloat16", "float32"))
+    both = (replace(params, frozen_dtype=dtype) for dtype in ("bfloat16", "float32"))
+    half, single = (plan_training(model_train.training_job(one)) for one in both)
     assert half.total < 24 * GIB < single.total
