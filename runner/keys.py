@@ -231,8 +231,8 @@ def _normal(distribution: str) -> str:
 def _version(stage: str, library: str) -> str:
     found = installed_version(library)
     if found is None:
-        raise ValueError(f"{stage}: LIBRARIES names {library!r}, which is not installed; install it, or correct the name "
-                         "(it is the name of the distribution, e.g. opencv-python-headless)")
+        raise ValueError(f"{stage}: LIBRARIES names {library!r}, which is not installed; install it (an extra of the project "
+                         "may bring it), or correct the name (it is the name of the distribution, e.g. opencv-python-headless)")
     return found
 
 

@@ -22,7 +22,7 @@ from afford.twohands.model.vlm import LONGEST_ANSWER, Dialogue, Vlm
 GIB = 1 << 30
 LIBRARIES, CONTEXT, WORKSPACE = 450 << 20, 536 << 20, 64 << 20
 """bytes of a process besides its model: anonymous memory of Python with its libraries; on a GPU the context of CUDA, and what torch
-keeps there for matrix products"""
+keeps there for matrix products (both set by one random model on an H200; other cards differ)"""
 LARGE = 50_000_000
 """parameters from which a model is planned before it is loaded; smaller ones fit wherever this project runs"""
 TASK = "pour tea from the kettle into the small cup with the handle"
