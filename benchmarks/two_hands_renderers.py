@@ -261,7 +261,7 @@ def main() -> None:
 
 def default_encoder() -> Path:
     """File of the image encoder that set-up fetched."""
-    from afford.models.efficientnet_lite import encoder_path
+    from afford.models.encoder_place import encoder_path
 
     return Path(encoder_path())
 

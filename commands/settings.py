@@ -114,6 +114,7 @@ CHOICES: dict[tuple[str, str], tuple[str, ...]] = {
     ("dataset_pack", "split_by"): ("video", "participant"),
     ("dataset_pack", "made"): ("extracted", "rendered"),
     ("model_train", "variant"): ("small", "lite", "clip", "vlm"),
+    ("model_train", "recipe"): ("quick", "release"),
     ("model_train", "target"): ("affordance", "object"),
     ("model_train", "split_by"): ("given", "video", "object"),
     ("model_train", "loss_mode"): ("paper", "code"),

@@ -127,7 +127,7 @@ def _segment_networks(digest: Callable[[Path], str]) -> FileTree | None:
 
 
 def _image_encoder(digest: Callable[[Path], str]) -> FileTree | None:
-    from afford.models.efficientnet_lite import encoder_files
+    from afford.models.encoder_place import encoder_files
 
     return encoder_files(digest)
 

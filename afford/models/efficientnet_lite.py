@@ -5,23 +5,16 @@ Blocks: MobileNetV2's inverted residuals (Sandler et al. 2018). Names of tensors
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
 import torch
 from torch import Tensor, nn
-from torch.nn.functional import pad
+from torch.nn.functional import conv2d, linear, pad
 
+from afford.models.encoder_place import FILE
 from afford.models.loading import fill_weights
 from afford.models.tensor_files import load_weights_only
-from schemas.files import FileRef, FileTree
-
-FILE = "efficientnet-lite0-57934424.pth"
-"""published weights, as install/image_encoder.py fetches them"""
-FOLDER = "share/afford/efficientnet-lite0-0.1.0"
-"""below the prefix of the environment"""
 
 MEAN, STD = 127.0 / 255.0, 128.0 / 255.0
 """normalisation of RGB 0..1"""
@@ -44,10 +37,24 @@ class Same(nn.Conv2d):
 
     def forward(self, x: Tensor) -> Tensor:
         """(b, before, h, w) -> (b, after, ceil(h / stride), ceil(w / stride))."""
+        return self._convolved(x, self.weight, None)
+
+    def normed(self, x: Tensor, norm: nn.BatchNorm2d) -> Tensor:
+        """Convolve and normalise; in evaluation as one convolution, which takes less than two thirds of the time."""
+        if norm.training or norm.running_mean is None or norm.running_var is None:
+            return norm(self.forward(x))
+        scale = norm.weight * torch.rsqrt(norm.running_var + norm.eps)
+        return self._convolved(x, self.weight * scale[:, None, None, None], norm.bias - norm.running_mean * scale)
+
+    def _convolved(self, x: Tensor, weight: Tensor, bias: Tensor | None) -> Tensor:
+        if self.kernel_size == (1, 1) and self.stride == (1, 1):
+            return linear(x.permute(0, 2, 3, 1), weight[:, :, 0, 0], bias).permute(0, 3, 1, 2)
         kernel, stride = self.kernel_size[0], self.stride[0]
-        extra = [max((-(-side // stride) - 1) * stride + kernel - side, 0) for side in (x.shape[-1], x.shape[-2])]
-        sides = [part for total in extra for part in (total // 2, total - total // 2)]
-        return super().forward(pad(x, sides) if any(sides) else x)
+        across, down = (max((-(-side // stride) - 1) * stride + kernel - side, 0) for side in (x.shape[-1], x.shape[-2]))
+        if across % 2 or down % 2:
+            x = pad(x, (across // 2, across - across // 2, down // 2, down - down // 2))
+            across, down = 0, 0
+        return conv2d(x, weight, bias, self.stride, (down // 2, across // 2), groups=self.groups)
 
 
 class Inverted(nn.Module):
@@ -66,9 +73,9 @@ class Inverted(nn.Module):
         """(b, before, h, w) -> (b, after, h / stride, w / stride)."""
         y = x
         if self._expand_conv is not None and self._bn0 is not None:
-            y = self._bn0(self._expand_conv(y)).clamp(0, 6)
-        y = self._bn1(self._depthwise_conv(y)).clamp(0, 6)
-        y = self._bn2(self._project_conv(y))
+            y = self._expand_conv.normed(y, self._bn0).clamp_(0, 6)
+        y = self._depthwise_conv.normed(y, self._bn1).clamp_(0, 6)
+        y = self._project_conv.normed(y, self._bn2)
         return x + y if self.adds else y
 
 
@@ -104,7 +111,7 @@ class EfficientNetLite0(nn.Module):
     def forward(self, image: Tensor) -> Pyramid:
         """Encode RGB images (b, 3, H, W) float32 0..1."""
         x = ((image - MEAN) / STD).contiguous(memory_format=torch.channels_last)
-        x = self._bn0(self._conv_stem(x)).clamp(0, 6)
+        x = self._conv_stem.normed(x, self._bn0).clamp_(0, 6)
         taps = []
         for n, block in enumerate(self._blocks):
             x = block(x)
@@ -114,19 +121,8 @@ class EfficientNetLite0(nn.Module):
 
     def classify(self, image: Tensor) -> Tensor:
         """Class logits (b, classes) of RGB images (b, 3, H, W) float32 0..1."""
-        seen = self._bn1(self._conv_head(self.forward(image).stride32)).clamp(0, 6)
+        seen = self._conv_head.normed(self.forward(image).stride32, self._bn1).clamp_(0, 6)
         return self._fc(seen.mean(dim=(2, 3)))
-
-
-def encoder_path() -> Path:
-    """Place of the weights in the environment; set-up put them there, or could not."""
-    return Path(sys.prefix) / FOLDER / FILE
-
-
-def encoder_files(digest: Callable[[Path], str]) -> FileTree | None:
-    """List the weights with their content digest, as a leaf of the graph; None where set-up could not fetch them."""
-    path = encoder_path()
-    return FileTree("image_encoder", (FileRef(FILE, digest(path), path.stat().st_size, path),)) if path.is_file() else None
 
 
 CLASSES = 1000

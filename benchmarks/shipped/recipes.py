@@ -103,7 +103,7 @@ RECIPES = {
              "`mate-backgrounds` (GPL-2+ and CC-BY-SA), which are not in this file. The image encoder is EfficientNet-Lite0 "
              "(Apache-2.0), frozen, trained by its authors on ImageNet, whose pictures have terms of their own; its weights are "
              "not in this file either: set-up fetches them.",
-        sets=("model_train.variant=lite",),
+        sets=("model_train.recipe=release",),
         stills=(("still_render.backend=cycles", "train_plan.rooms=46"), ("train_plan.seed=2",)), inside="model",
         left_out="encoder.backbone."),
     "parts": Recipe(

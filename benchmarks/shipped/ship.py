@@ -150,7 +150,7 @@ def write(name: str, runner: Runner, recipe: Recipe) -> int:
 
 def calibrate(recipe: Recipe, folders: list[Path]) -> None:
     """Set calibration and threshold of the shipped two-hand model by the split `val` of data sets; its weights stay."""
-    from afford.models.efficientnet_lite import encoder_path
+    from afford.models.encoder_place import encoder_path
     from afford.twohands.model.model_folder import config_json, load_model
     from afford.twohands.train.job import calibrated_config
     from stages.twohands.model_train import training_job

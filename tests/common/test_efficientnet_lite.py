@@ -10,7 +10,8 @@ import pytest
 import torch
 from skimage import data
 
-from afford.models.efficientnet_lite import CLASSES, FILE, FOLDER, WIDTHS, EfficientNetLite0, read_encoder
+from afford.models.efficientnet_lite import CLASSES, WIDTHS, EfficientNetLite0, Same, read_encoder
+from afford.models.encoder_place import FILE, FOLDER
 
 PUBLISHED = Path(sys.prefix) / FOLDER / FILE
 
@@ -27,6 +28,20 @@ def test_strides_and_widths(height: int, width: int) -> None:
         found = random_encoder()(torch.rand(2, 3, height, width))
     assert [tuple(one.shape) for one in found] == [(2, channels, -(-height // stride), -(-width // stride))
                                                    for channels, stride in zip(WIDTHS, (4, 8, 16, 32), strict=True)]  # fmt: skip
+
+
+@pytest.mark.parametrize(("kernel", "stride", "groups"), [(1, 1, 1), (3, 1, 12), (3, 2, 1), (5, 2, 12)])
+@pytest.mark.parametrize("size", [(20, 24), (21, 17)])
+def test_normalisation_inside_a_convolution_changes_nothing(size: tuple[int, int], kernel: int, stride: int, groups: int) -> None:
+    """In evaluation, one convolution gives what convolution and normalisation give one after the other; training stays apart."""
+    torch.manual_seed(kernel)
+    convolution, norm = Same(12, 24, kernel, stride, groups), torch.nn.BatchNorm2d(24)
+    for values in (norm.weight, norm.bias, norm.running_mean, norm.running_var):
+        torch.nn.init.uniform_(values, 0.5, 2.0)
+    image = torch.rand(2, 12, *size)
+    assert torch.equal(convolution.normed(image, norm), norm(convolution(image)))
+    norm.eval()
+    torch.testing.assert_close(convolution.normed(image, norm), norm(convolution(image)), rtol=1e-4, atol=1e-5)
 
 
 def test_size_of_the_published_model() -> None:

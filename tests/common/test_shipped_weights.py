@@ -13,7 +13,8 @@ import torch
 from safetensors.torch import load_file, save_file
 
 from afford.models import shipped
-from afford.models.efficientnet_lite import FILE, EfficientNetLite0
+from afford.models.efficientnet_lite import EfficientNetLite0
+from afford.models.encoder_place import FILE
 from afford.models.shipped import CARD, FOLDER, MEASURED, RECORD, file_digest, find_shipped, read_record, shipped_files
 from afford.twohands.model import lite
 from afford.twohands.model.interface import Batch, ModelConfig, build

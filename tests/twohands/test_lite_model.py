@@ -9,8 +9,9 @@ from pathlib import Path
 import pytest
 import torch
 
-from afford.models import efficientnet_lite
-from afford.models.efficientnet_lite import FILE, EfficientNetLite0
+from afford.models import encoder_place
+from afford.models.efficientnet_lite import EfficientNetLite0
+from afford.models.encoder_place import FILE
 from afford.models.weights import weight_files
 from afford.twohands.model.interface import Batch, ModelConfig, build
 from afford.twohands.model.model_folder import load_model, save_model
@@ -99,7 +100,7 @@ def test_a_training_without_encoder_is_refused() -> None:
 
 def test_the_encoder_of_set_up_is_an_input(encoder: FileTree, monkeypatch: pytest.MonkeyPatch) -> None:
     """The file becomes weights of the training where `lite` is chosen, and only there."""
-    monkeypatch.setattr(efficientnet_lite, "encoder_files", lambda digest: encoder)
+    monkeypatch.setattr(encoder_place, "encoder_files", lambda digest: encoder)
     for variant, wanted in (("lite", encoder), ("small", None)):
         chosen = Settings.of(model_train=replace(Settings.twohands.model_train, variant=variant))
         assert dict(resolve_weights(chosen, digest).weights).get("model_train") == wanted

@@ -110,6 +110,16 @@ def test_memory_is_bounded(data: Files, tmp_path: Path) -> None:
     for n in (*range(len(small)), *range(len(small))):
         assert equal(small[n], wanted[n])
         assert small._decoded.used <= small._decoded.limit and small._groups.used <= 1
+        assert small._images.used <= small._images.limit
+
+
+def test_samples_of_one_picture_share_its_pixels(data: Files, tmp_path: Path) -> None:
+    """Decoded pixels are kept once for all samples that show them."""
+    wanted, streamed = both(data, tmp_path, Split(), "train")
+    read = [[streamed[n].image for n in range(len(streamed))] for _ in range(2)][1]
+    different = {one.image.tobytes() for one in wanted}
+    assert len({id(image) for image in read}) == len(different)
+    assert streamed._images.used == sum(map(len, different))
 
 
 def test_the_oldest_value_is_dropped_first() -> None:

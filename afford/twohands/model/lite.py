@@ -12,7 +12,8 @@ import torch
 from torch import Tensor, cat, nn
 from torch.nn.functional import interpolate
 
-from afford.models.efficientnet_lite import WIDTHS, EfficientNetLite0, encoder_path, read_encoder
+from afford.models.efficientnet_lite import WIDTHS, EfficientNetLite0, read_encoder
+from afford.models.encoder_place import encoder_path
 from afford.models.word_vectors import WordVectors
 from afford.twohands.model.backbones import freeze
 from afford.twohands.model.interface import ModelConfig

@@ -198,6 +198,7 @@ class TwoHandsJob:
         source = TrainingData(dataset.name, dataset.digest, dataset.licence, describe_splits(scratch))
         count = sum(parameter.numel() for parameter in model.parameters())
         fields = dataclasses.asdict(self)
+        fields["config"]["backbones"] = Path(self.config.backbones).name  # its folder is a matter of the machine
         if self.frozen_dtype == FULL:
             del fields["frozen_dtype"]  # cards of most models keep the bytes that they had before this field
         return card_text(name, source, fields, _own(model).config.threshold, count, curves)

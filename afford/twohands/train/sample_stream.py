@@ -23,6 +23,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.ipc as ipc
 import pyarrow.parquet as pq
+from blake3 import blake3
 
 from afford.dataset.load import Item
 from afford.dataset.parquet_shards import damage_as_error, open_shard
@@ -46,8 +47,8 @@ from afford.twohands.train.samples import (
 from afford.twohands.train.single_samples import Shard
 
 LABELS, SHARDS, PARQUET = "labels.arrow", "shards.json", ".parquet"
-ENCODED_BYTES, DECODED_BYTES = 256 << 20, 768 << 20
-"""limits of the row groups and of the samples that are kept in memory"""
+ENCODED_BYTES, DECODED_BYTES = 256 << 20, 512 << 20
+"""limits of the row groups that are kept in memory, and of the decoded images as of the decoded masks"""
 PICTURE = "image.bytes"
 """Parquet's name of the column of encoded pictures"""
 PREFIX, KEY = 4, 32
@@ -176,9 +177,10 @@ class _Group(NamedTuple):
 
 
 class _Packed(NamedTuple):
-    """Decoded sample."""
+    """Decoded sample but for its image, which is kept once for all samples that show it."""
 
-    image: np.ndarray
+    image: bytes
+    """digest of the pixels"""
     bits: np.ndarray
     words: Mapping[str, Any]
 
@@ -198,6 +200,7 @@ class SampleStream(Sequence[Item]):
         self._groups: Bounded[_Group] = Bounded(encoded_bytes)
         self._single: Bounded[Shard] = Bounded(encoded_bytes)
         self._decoded: Bounded[_Packed] = Bounded(decoded_bytes)
+        self._images: Bounded[np.ndarray] = Bounded(decoded_bytes)
         self._maps: dict[int, mmap.mmap] = {}
 
     def __len__(self) -> int:
@@ -211,18 +214,24 @@ class SampleStream(Sequence[Item]):
     def __getitem__(self, index: Any) -> Any:
         at = range(len(self))[index]
         kept = self._decoded.get(at)
-        if kept is None:
-            kept = self._decode(at)
-            self._decoded.put(at, kept, kept.image.nbytes + kept.bits.nbytes)
-        height, width = kept.image.shape[:2]
+        image = None if kept is None else self._images.get(kept.image)
+        if kept is None or image is None:
+            return self._decode(at)
+        height, width = image.shape[:2]
         masks = np.unpackbits(kept.bits, count=4 * height * width).view(bool).reshape(4, height, width)
-        return Item(image=kept.image, masks=masks, motion=NO_MOTION, motion_time_ns=np.zeros(0, np.int64), **kept.words)
+        return Item(image=image, masks=masks, motion=NO_MOTION, motion_time_ns=np.zeros(0, np.int64), **kept.words)
 
-    def _decode(self, at: int) -> _Packed:
+    def _decode(self, at: int) -> Item:
+        """Decode a sample, and keep it."""
         shard, group, row = (int(one) for one in self._place[at])
         whole = self._of_group(shard, group, row) if self._shards[shard][0].endswith(PARQUET) else self._shard(shard).item(row)
         item = shrink(whole, self._largest)
-        return _Packed(item.image, np.packbits(item.masks), {name: getattr(item, name) for name in (*WORDS, *NUMBERS)})
+        digest = blake3(np.ascontiguousarray(item.image)).digest()
+        kept = _Packed(digest, np.packbits(item.masks), {name: getattr(item, name) for name in (*WORDS, *NUMBERS)})
+        self._decoded.put(at, kept, kept.bits.nbytes)
+        if self._images.get(digest) is None:
+            self._images.put(digest, item.image, item.image.nbytes)
+        return replace(item, motion=NO_MOTION, motion_time_ns=np.zeros(0, np.int64))
 
     def _shard(self, shard: int) -> Shard:
         kept = self._single.get(shard)
