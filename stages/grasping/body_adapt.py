@@ -51,6 +51,8 @@ class Params:
     """score (0..1) of the teacher in a task from which no other grasp is searched"""
     iterations: int = 50
     """iterations of the physics solver, at most"""
+    carry: bool = True
+    """as body_evaluate.carry, for the teacher, the scripts and the adapted policy"""
 
 
 def run(hand: HandModel, tasks: tuple[GraspTask, ...], policy: FileTree, params: Params, ctx: Context) -> Trained:

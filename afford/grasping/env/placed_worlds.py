@@ -1,4 +1,4 @@
-"""Grasping worlds in which the hand begins over a place that is chosen by grasp family (families.py)."""
+"""Grasping worlds in which the hand begins over a place of a grasp family (families.py), and carries what it has raised (carry.py)."""
 
 from __future__ import annotations
 
@@ -8,10 +8,12 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from afford.grasping.env.carry import carried
 from afford.grasping.env.config import GraspEnvConfig
 from afford.grasping.env.families import GraspPlace
 from afford.grasping.env.grasp_worlds import GraspWorlds
 from afford.grasping.env.rest_choice import places_of
+from afford.grasping.env.step_result import StepResult
 from afford.grasping.env.task import from_grasp_task
 from afford.grasping.sim.scripted import Aim
 from schemas.grasp import GraspTask
@@ -26,10 +28,14 @@ REACH_M, BESIDE_M = 0.04, 0.05
 class PlacedWorlds(GraspWorlds):
     """n worlds whose hands begin over the best place of their tasks."""
 
-    def __init__(self, hand: HandModel, tasks: Sequence[GraspTask], config: GraspEnvConfig) -> None:
-        """Build the worlds. ValueError for a task without a place."""
-        self.places = [best_place(one) for one in tasks]
+    def __init__(self, hand: HandModel, tasks: Sequence[GraspTask], config: GraspEnvConfig, carry: bool = True) -> None:
+        """Build the worlds; `carry` raised objects to their goals. ValueError for a task without a place."""
+        self.places, self.carry = [best_place(one) for one in tasks], carry
         super().__init__(hand, [from_grasp_task(one) for one in tasks], config)
+
+    def step(self, action: np.ndarray, rngs: Sequence[np.random.Generator]) -> StepResult:
+        """Apply actions (n, m), or the carry instead of their first three numbers where an object is raised."""
+        return super().step(carried(self, action) if self.carry else action, rngs)
 
     def _aim(self, k: int, pose: np.ndarray, rng: np.random.Generator) -> Aim:
         return aim_at_place(self.places[k], pose, self.scenery.com[k])

@@ -60,6 +60,7 @@ class AdaptationConfig:
     noise: float
     enough: float
     iterations: int
+    carry: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,7 +245,7 @@ def _worlds(hand: HandModel, tasks: Sequence[GraspTask], policy: Policy, config:
     """Worlds in MuJoCo, for the search, and fewer in PyBullet."""
     physics = Physics(iterations=config.iterations)
     count = {"mujoco": config.worlds, "bullet": config.bullet}
-    return [PlacedWorlds(hand, [*tasks] * each, policy.config(engine, physics, "flat", 0.0))
+    return [PlacedWorlds(hand, [*tasks] * each, policy.config(engine, physics, "flat", 0.0), config.carry)
             for engine, each in count.items() if each]  # fmt: skip
 
 
