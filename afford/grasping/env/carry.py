@@ -2,7 +2,7 @@
 
 Policies of flat tools learn to grasp and to lift straight up. A thick object has been pushed along the table by then, or turns in
 the hand, and ends beside its goal by as much, since its policy never met such distances. Distance and grip are among what a teacher
-observes; a proportional controller uses them for the three slides of the wrist, and leaves wrist rotation and fingers to the policy.
+observes; a proportional controller uses them for the three slides of the wrist. Wrist rotation and fingers are left to the policy.
 """
 
 from __future__ import annotations

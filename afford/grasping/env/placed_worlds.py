@@ -1,4 +1,8 @@
-"""Grasping worlds in which the hand begins over a place of a grasp family (families.py), and carries what it has raised (carry.py)."""
+"""Grasping worlds in which the hand begins over a place of a grasp family (families.py), and carries what it has raised.
+
+Starts are those of the tools on which policies are trained: the same depth below the top of a body, and the palm as near to the
+surface of a wide part as to that of a handle.
+"""
 
 from __future__ import annotations
 
@@ -21,8 +25,10 @@ from schemas.hand import HandModel
 
 LYING = 0.5
 """an axis lies when its horizontal part is longer than this"""
-REACH_M, BESIDE_M = 0.04, 0.05
+REACH_M, BESIDE_M = 0.015, 0.05
 """depth that the hand reaches below the top of what is within BESIDE_M of a place"""
+TOOL_M = 0.03
+"""width of a tool's handle; the hand stays back from the middle of wider parts by half of what they have more"""
 
 
 class PlacedWorlds(GraspWorlds):
@@ -61,10 +67,17 @@ def aim_at_place(place: GraspPlace, pose: np.ndarray, com_m: np.ndarray) -> Aim:
     The yaw is that of the gripped axis, towards the centre of mass. For an upright axis, the hand comes from the side of the
     approach.
     """
+    yaw, at = _frame(place, pose, com_m)
+    back = max(0.0, (place.width_m - TOOL_M) / 2)
+    return Aim(at + back * np.array([-np.sin(yaw), np.cos(yaw), 0.0]), yaw)
+
+
+def _frame(place: GraspPlace, pose: np.ndarray, com_m: np.ndarray) -> tuple[float, np.ndarray]:
+    """Yaw of the gripped axis, and the middle of the gripped part in the world."""
     turn = Rotation.from_quat(pose[3:])
     at, along, approach = turn.apply(place.at_m) + pose[:3], turn.apply(place.along), turn.apply(place.approach)
     if np.linalg.norm(along[:2]) < LYING:
-        return Aim(at, float(np.arctan2(approach[0], -approach[1])))
+        return float(np.arctan2(approach[0], -approach[1])), at
     towards = (turn.apply(com_m) + pose[:3] - at)[:2] @ along[:2]
     x, y = along[:2] if towards >= 0 else -along[:2]
-    return Aim(at, float(np.arctan2(y, x)))
+    return float(np.arctan2(y, x)), at

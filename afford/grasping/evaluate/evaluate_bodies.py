@@ -22,7 +22,8 @@ FIGURES = tuple(METRICS)
 
 
 def evaluate_body(name: str, hand: HandModel, tasks: Sequence[GraspTask], files: FileTree, engine: str, episodes: int, at_once: int,
-                  traces: int, physics: Physics, seed: int, carry: bool, progress: Callable[[int, int], None]) -> GraspEpisodes:  # fmt: skip
+                  traces: int, physics: Physics, seed: int, carry: bool,
+                  progress: Callable[[int, int], None]) -> GraspEpisodes:  # fmt: skip
     """Play `episodes` or more, each task equally often; none without a task. ValueError for a policy that does not fit."""
     check_stage_engine(engine)
     policy = load_policy(files, {})
