@@ -21,7 +21,7 @@ import numpy as np
 from afford.grasping.env.measures import SAFE_M, nearest
 from afford.surface.describe.lexicon import parse_task
 
-FAMILIES = {"handle": 1.0, "pinch": 0.8, "body": 0.7, "rim": 0.5, "hook": 0.4}
+FAMILIES = {"handle": 1.0, "body": 0.8, "pinch": 0.7, "rim": 0.5, "hook": 0.4}
 """family -> factor of its fit: how sure the hand holds on in that way"""
 WANTED = {"pour": ("handle", "hook", "body"), "drink": ("handle", "hook", "body"), "hand over": ("pinch", "rim", "handle", "body")}
 """verb of a task -> families that serve it; others keep OTHERWISE of their fit"""

@@ -25,8 +25,10 @@ from schemas.hand import HandModel
 
 LYING = 0.5
 """an axis lies when its horizontal part is longer than this"""
-REACH_M, BESIDE_M = 0.015, 0.05
+REACH_M, BESIDE_M = 0.04, 0.05
 """depth that the hand reaches below the top of what is within BESIDE_M of a place"""
+DEEP_M = 0.015
+"""depth below the top of a lying part itself"""
 TOOL_M = 0.03
 """width of a tool's handle; the hand stays back from the middle of wider parts by half of what they have more"""
 
@@ -36,7 +38,7 @@ class PlacedWorlds(GraspWorlds):
 
     def __init__(self, hand: HandModel, tasks: Sequence[GraspTask], config: GraspEnvConfig, carry: bool = True) -> None:
         """Build the worlds; `carry` raised objects to their goals. ValueError for a task without a place."""
-        self.places, self.carry = [best_place(one) for one in tasks], carry
+        self.places, self.given, self.carry = [best_place(one) for one in tasks], tuple(tasks), carry
         super().__init__(hand, [from_grasp_task(one) for one in tasks], config)
 
     def step(self, action: np.ndarray, rngs: Sequence[np.random.Generator]) -> StepResult:
@@ -57,8 +59,10 @@ def best_place(task: GraspTask) -> GraspPlace:
 
 def _reached(place: GraspPlace, points: np.ndarray) -> GraspPlace:
     """Raise a place to where fingers reach it from above, so that the hand does not begin inside the body around it."""
-    top = float(points[np.linalg.norm((points - place.at_m)[:, :2], axis=1) < BESIDE_M, 2].max(initial=-np.inf))
-    return replace(place, at_m=np.append(place.at_m[:2], max(place.at_m[2], top - REACH_M)))
+    away = np.linalg.norm((points - place.at_m)[:, :2], axis=1)
+    lies = np.linalg.norm(place.along[:2]) >= LYING
+    around, part = (float(points[away < near, 2].max(initial=-np.inf)) for near in (BESIDE_M, place.width_m / 2 if lies else 0.0))
+    return replace(place, at_m=np.append(place.at_m[:2], max(place.at_m[2], around - REACH_M, part - DEEP_M)))
 
 
 def aim_at_place(place: GraspPlace, pose: np.ndarray, com_m: np.ndarray) -> Aim:
