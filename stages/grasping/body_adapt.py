@@ -67,7 +67,8 @@ def run(hand: HandModel, tasks: tuple[GraspTask, ...], policy: FileTree, params:
     from afford.training import curves
     from afford.training.loop import deterministic
 
-    for name, least in (("worlds", 2), ("bullet", 0), ("generations", 1), ("trials", 1), ("sure", 1), ("rounds", 1), ("updates", 1), ("batch", 1)):
+    for name, least in (("worlds", 2), ("bullet", 0), ("generations", 1), ("trials", 1), ("sure", 1), ("rounds", 1), ("updates", 1),
+                        ("batch", 1)):  # fmt: skip
         if getattr(params, name) < least:
             raise ValueError(f"body_adapt.{name}: expected {least} or more, got {getattr(params, name)}")
     name = tasks[0].body.name if tasks else "adapted"

@@ -94,8 +94,8 @@ def parted_by_pieces(body: GraspObject) -> GraspObject:
     """Body whose parts are the pieces of its convex decomposition: each point belongs to the hull that it is deepest in."""
     planes = [ConvexHull(corners).equations for corners in body.hulls()]
     outside = np.stack([(body.points @ one[:, :3].T + one[:, 3]).max(axis=1) for one in planes])
-    return replace(body, parts=tuple(f"piece {k}" for k in range(len(planes))),
-                   hull_part=np.arange(len(planes), dtype=np.int16), point_part=outside.argmin(axis=0).astype(np.int16))  # fmt: skip
+    names, hull_part = tuple(f"piece {k}" for k in range(len(planes))), np.arange(len(planes), dtype=np.int16)
+    return replace(body, parts=names, hull_part=hull_part, point_part=outside.argmin(axis=0).astype(np.int16))
 
 
 def _weighed(mesh: ObjectMesh, body: GraspObject, s: BodySettings) -> tuple[str, ...]:

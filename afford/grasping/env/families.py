@@ -41,7 +41,7 @@ TALL_M, SHORT_M = 0.06, 0.035
 FINGER_M, CLEAR_M = 0.010, 0.020
 """thickness of a finger; room that fingers need beside what they grasp, free of anything above"""
 UNDER_M, OVER_BODY = 0.06, 0.3
-"""a bar, such as the handle of a mug on its side, that has the rest of the body within UNDER_M under it keeps OVER_BODY of its fit"""
+"""a bar with the rest of the body within UNDER_M under it, as the handle of a mug on its side, keeps OVER_BODY of its fit"""
 HOLE_M = 0.008
 """radius of the least hole for a finger"""
 FLAT = 0.4

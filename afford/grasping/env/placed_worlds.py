@@ -30,7 +30,8 @@ REACH_M, BESIDE_M = 0.04, 0.05
 DEEP_M = 0.015
 """depth below the top of a lying part itself"""
 TOOL_M = 0.03
-"""width of a tool's handle; the hand stays back from the middle of wider parts by half of what they have more"""
+"""width of a tool's handle; the hand stays back from the middle of wider parts by half of what they have more, and begins over the
+surface of an upright body"""
 
 
 class PlacedWorlds(GraspWorlds):
@@ -69,10 +70,10 @@ def aim_at_place(place: GraspPlace, pose: np.ndarray, com_m: np.ndarray) -> Aim:
     """Aim at a place of an object at the pose (7,), whose centre of mass `com_m` (3,) is in its own frame.
 
     The yaw is that of the gripped axis, towards the centre of mass. For an upright axis, the hand comes from the side of the
-    approach.
+    approach. It stays back from the middle of wide parts, which it would push away.
     """
     yaw, at = _frame(place, pose, com_m)
-    back = max(0.0, (place.width_m - TOOL_M) / 2)
+    back = place.width_m / 2 if place.family == "body" else max(0.0, (place.width_m - TOOL_M) / 2)
     return Aim(at + back * np.array([-np.sin(yaw), np.cos(yaw), 0.0]), yaw)
 
 

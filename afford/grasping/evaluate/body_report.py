@@ -98,9 +98,9 @@ def _tables(rows: Sequence[BodyRow]) -> Iterator[str]:
         mine = [row for row in rows if (row.policy, row.engine) == (policy, engine)]
         judged = [row.as_pct for row in mine if np.isfinite(row.as_pct)]
         counts = (sum(row.with_negative for row in mine), sum(row.tasks for row in mine), sum(row.episodes for row in mine))
+        AS = f"{np.mean(judged):.1f} ({len(judged)} objects)" if judged else "-"
         yield (f"| mean of {len(mine)} objects | {policy} | {engine} | {100 * np.mean([row.succ for row in mine]):.1f} | | | "
-               f"{100 * np.mean([row.held for row in mine]):.1f} | {f'{np.mean(judged):.1f} ({len(judged)} objects)' if judged else '-'} | "
-               f"{' | '.join(map(str, counts))} |")
+               f"{100 * np.mean([row.held for row in mine]):.1f} | {AS} | {' | '.join(map(str, counts))} |")
 
 
 def _uses(bodies: Sequence[BodyTasks], runs: Sequence[GraspEpisodes]) -> Iterator[str]:

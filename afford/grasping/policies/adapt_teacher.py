@@ -143,11 +143,11 @@ class Adaptation:
     def search(self, wanted: Sequence[int], progress: Callable[[int], None]) -> np.ndarray:
         """(w, finalists, 17) best scripts of the tasks `wanted`, in worlds of these tasks alone."""
         config = self.config
-        places = [PlacedWorlds(one.scenery.hand, [one.given[k] for k in wanted] * (len(one.tasks) // self.tasks), one.config, one.carry)
-                  for one in self.places]  # fmt: skip
+        limits = Limits(config.generations, config.trials, config.sure)
+        places = [PlacedWorlds(one.scenery.hand, [one.given[k] for k in wanted] * (len(one.tasks) // self.tasks), one.config,
+                               one.carry) for one in self.places]  # fmt: skip
         try:
-            return search_grasps(places, len(wanted), Limits(config.generations, config.trials, config.sure), FINALISTS, config.noise,
-                                 derive_seed(config.seed, SEARCHED), progress)  # fmt: skip
+            return search_grasps(places, len(wanted), limits, FINALISTS, config.noise, derive_seed(config.seed, SEARCHED), progress)
         finally:
             for one in places:
                 one.close()

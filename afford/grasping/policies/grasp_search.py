@@ -112,7 +112,8 @@ def search_grasps(places: Sequence[PlacedWorlds], tasks: int, limits: Limits, fi
     for number in range(min(limits.generations, most)):
         for engine, worlds in enumerate(places):
             asked = [(search.ask_again if engine else search.ask)(len(worlds.tasks) // tasks) for search in searches]
-            returns, held = try_scripts(worlds, np.stack(asked, axis=1).reshape(len(worlds.tasks), -1), noise, [seed, number, engine])
+            rows = np.stack(asked, axis=1).reshape(len(worlds.tasks), -1)
+            returns, held = try_scripts(worlds, rows, noise, [seed, number, engine])
             for task, search in enumerate(searches):
                 search.tell(engine, returns[task::tasks], held[task::tasks])
         progress(number + 1)
@@ -122,7 +123,7 @@ def search_grasps(places: Sequence[PlacedWorlds], tasks: int, limits: Limits, fi
 
 
 def try_scripts(worlds: PlacedWorlds, rows: np.ndarray, noise: float, seed: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
-    """(n,) returns and holds of one episode of every world, which follows its script of `rows` (n, 17) with noise on the actions."""
+    """(n,) returns and holds of one episode of every world, which follows its script of `rows` (n, 17), with noise."""
     rngs = [np.random.default_rng([*seed, k]) for k in range(len(worlds.tasks))]
     worlds.reset(range(len(rngs)), rngs)
     targets, total = scripts(worlds, rows), np.zeros(len(rngs))
