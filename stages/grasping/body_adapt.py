@@ -36,7 +36,11 @@ class Params:
     bullet: int = 4
     """worlds of each task in PyBullet, where the best grasps of a generation are tried again; 0 for none"""
     generations: int = 10
-    """generations of the search"""
+    """generations of the search, at most"""
+    trials: int = 240
+    """episodes of the search of a body, of all its tasks in both engines together, at most"""
+    sure: int = 2
+    """trials in each engine, in all of which a scripted grasp holds, that end the search"""
     rounds: int = 6
     """rounds of DAgger, an episode of every world each"""
     updates: int = 500
@@ -51,6 +55,8 @@ class Params:
     """score (0..1) of the teacher in a task from which no other grasp is searched"""
     iterations: int = 50
     """iterations of the physics solver, at most"""
+    carry: bool = True
+    """as body_evaluate.carry, for the teacher, the scripts and the adapted policy"""
 
 
 def run(hand: HandModel, tasks: tuple[GraspTask, ...], policy: FileTree, params: Params, ctx: Context) -> Trained:
@@ -61,7 +67,8 @@ def run(hand: HandModel, tasks: tuple[GraspTask, ...], policy: FileTree, params:
     from afford.training import curves
     from afford.training.loop import deterministic
 
-    for name, least in (("worlds", 2), ("bullet", 0), ("generations", 1), ("rounds", 1), ("updates", 1), ("batch", 1)):
+    for name, least in (("worlds", 2), ("bullet", 0), ("generations", 1), ("trials", 1), ("sure", 1), ("rounds", 1), ("updates", 1),
+                        ("batch", 1)):  # fmt: skip
         if getattr(params, name) < least:
             raise ValueError(f"body_adapt.{name}: expected {least} or more, got {getattr(params, name)}")
     name = tasks[0].body.name if tasks else "adapted"

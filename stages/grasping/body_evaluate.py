@@ -3,7 +3,7 @@
 Reads   HandModel; GraspTasks of one body (body_tasks); the policy (FileTree of rl_grasp_refinement or body_adapt)
 Writes  GraspEpisodes; none for a body without a task
 Method  as grasp_evaluate: the policy's mean action, strict physics, the same starts for every policy; but the hand begins over the
-        place of the grasp family, and human likeness is not measured
+        place of the grasp family, the wrist carries what the policy has raised, and human likeness is not measured
 Fails   ValueError for a policy that does not fit the environment, or when the body does not rest in this engine
 Paper   AffordDex: Succ and AS over randomly placed objects
 """
@@ -43,6 +43,8 @@ class Params:
     """tasks of a body with an episode that is recorded step by step"""
     seed: int = 20267
     """seed of object poses"""
+    carry: bool = True
+    """the wrist carries a gripped and raised body to its goal (afford/grasping/env/carry.py); false: the policy acts alone"""
 
 
 def run(hand: HandModel, tasks: tuple[GraspTask, ...], policy: FileTree, params: Params, ctx: Context) -> GraspEpisodes:
@@ -54,4 +56,4 @@ def run(hand: HandModel, tasks: tuple[GraspTask, ...], policy: FileTree, params:
         raise ValueError(f"body_evaluate: expected episodes and at_once of 1 or more and traces of 0 or more, got "
                          f"{params.episodes}, {params.at_once} and {params.traces}")
     return evaluate_body(params.policy, hand, tasks, policy, params.engine, params.episodes, params.at_once, params.traces,
-                         Physics(iterations=params.iterations, rate_hz=params.rate_hz), params.seed, ctx.progress)
+                         Physics(iterations=params.iterations, rate_hz=params.rate_hz), params.seed, params.carry, ctx.progress)

@@ -63,7 +63,7 @@ def test_the_search_approaches_the_best_script() -> None:
     def found(seed: int, generations: int) -> np.ndarray:
         search = GraspSearch([seed], 1)
         for _ in range(generations):
-            search.tell(0, -(((search.ask(16) - best) / SPREAD) ** 2).sum(1))
+            search.tell(0, -(((search.ask(16) - best) / SPREAD) ** 2).sum(1), np.zeros(16))
         return search.best(1)[0]
 
     far = [float((((found(0, count) - best) / SPREAD) ** 2).sum()) for count in (1, 30)]
@@ -75,11 +75,24 @@ def test_a_script_of_few_trials_is_doubted() -> None:
     """A script that was once good and then bad falls behind one that is always fair."""
     search = GraspSearch([0], 1)
     first = search.ask(2)
-    search.tell(0, np.array([10.0, 9.0]))
+    search.tell(0, np.array([10.0, 9.0]), np.zeros(2))
     for _ in range(2):
         again = search.ask_again(2)
-        search.tell(0, np.where((again == first[0]).all(1), 0.0, 9.0))
+        search.tell(0, np.where((again == first[0]).all(1), 0.0, 9.0), np.zeros(2))
     assert (search.best(1)[0] == first[1]).all() and (shaped(numbers(GRASP)) == GRASP)
+
+
+def test_a_search_ends_with_a_script_that_holds_in_every_engine() -> None:
+    """Two trials in each of two engines, all of which hold; a script that failed once does not count."""
+    search = GraspSearch([0], 2)
+    found = list[bool]()
+    for engine in (0, 1, 0, 1):
+        rows = (search.ask_again if engine or found else search.ask)(2)
+        held = np.array([True, len(found) > 0])
+        search.tell(engine, np.array([2.0, 1.0]), held)
+        found.append(search.found(2))
+        assert len(rows) == 2
+    assert found == [False, False, False, True] and not search.found(3)
 
 
 def test_targets_of_a_script() -> None:

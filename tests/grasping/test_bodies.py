@@ -76,6 +76,18 @@ def test_tasks_hold_the_safe_part_of_a_lying_body() -> None:
         assert one.body.mass_kg == pytest.approx(700 * 0.2 * 0.025 * 0.02, rel=0.01)
 
 
+def test_a_body_whose_parts_are_refused_is_grasped_by_its_shape() -> None:
+    """A block that is too wide for a hand, with a bar beside it: the bar is a piece, held without N_t, and the refusals stay."""
+    block, bar = trimesh.creation.box((0.14, 0.14, 0.14)).subdivide(), trimesh.creation.box((0.02, 0.02, 0.12)).subdivide()
+    arm = trimesh.creation.box((0.04, 0.02, 0.02)).subdivide().apply_translation((-0.085, 0, 0.05))
+    params = replace(FEW, density_kg_m3=100, points=600, hulls=12)
+    made = tasks_of(block + arm + bar.apply_translation((-0.115, 0, 0)), params=params)
+    assert len(made.refused) == 2 and all("no stable pose" in line for line in made.refused)
+    (one,) = made.tasks
+    assert one.name == "stick/geometry_alone" and one.hold.startswith("piece") and one.negative == () and not len(one.N_t)
+    assert "by geometry alone" in made.notes[-1] and made.family == ("handle",)
+
+
 def test_a_standing_body_is_laid_down() -> None:
     """The pose of the file does not matter: an upright stick is grasped lying, and N_t and body turn together."""
     upright = stick()

@@ -91,3 +91,10 @@ def test_the_task_decides_between_families() -> None:
     rim = {name: next(one.fit for one in found if one.family == "rim") for name, found in (("drink", drink), ("give", give))}
     assert rim["give"] > rim["drink"]
     assert [one.fit for one in give] == sorted((one.fit for one in give), reverse=True)
+
+
+def test_a_bar_close_above_the_body_fits_less() -> None:
+    """The handle of a mug on its side, 3 cm above the rest, fits less than the same bar beside it; so does no bar high above it."""
+    bar, block = trimesh.creation.box((0.12, 0.02, 0.02)), trimesh.creation.box((0.12, 0.1, 0.06))
+    fits = {height: places(block, bar.copy().apply_translation((0, 0, height)))[0].fit for height in (0.07, 0.2)}
+    assert 0 < fits[0.07] < 0.5 * fits[0.2]

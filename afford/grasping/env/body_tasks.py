@@ -6,11 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from afford.grasping.env.families import THIN_M, WIDE_M
 from afford.grasping.env.measures import SAFE_M
-from afford.grasping.env.rest_choice import laid, places_of, ranked_turns
+from afford.grasping.env.rest_choice import Turns, laid, places_of, ranked_options, steady_turns
 from afford.grasping.env.task import NEGATIVE_POINTS, spread_points
 from afford.grasping.env.task_rules import safe_points, with_predicted_negative
 from afford.grasping.sim.engine import make_world
@@ -26,7 +27,7 @@ from schemas.mesh import MeshParts, MeshReport, ObjectMesh
 from schemas.surface import NegativeAffordances, PartDescription, PartDescriptions
 
 NONE = np.zeros((0, 3))
-ANY_USE = "any use"
+ANY_USE, GEOMETRY = "any use", "geometry alone"
 LEAST_KG = 0.0005
 """lighter bodies are a mistake of the mesh, and physics engines diverge on them"""
 LEAST_FILLED = 0.1
@@ -56,15 +57,45 @@ def body_tasks(hand: HandModel, mesh: ObjectMesh, parts: MeshParts, report: Mesh
         body = rigid_body(mesh, parts, settings)
     except ValueError as error:
         return BodyTasks(mesh.name, (), (), (str(error),), assumptions(report))
-    tasks, refused = list[GraspTask](), list[str]()
+    tasks, refused, turns = list[GraspTask](), list[str](), steady_turns(body)
     for one in descriptions.descriptions:
         try:
             task = with_predicted_negative(use_task(body, one), found)
-            tasks.append(laid_task(hand, task, [(task, turn) for turn in ranked_turns(task)], settings))
+            tasks.append(laid_task(hand, task, ranked_options(held_tasks(task, one), turns), settings))
         except ValueError as error:
             refused.append(str(error))
+    notes = [*assumptions(report), *_weighed(mesh, body, settings)]
+    if not tasks:
+        notes += _by_geometry(hand, body, turns, settings, tasks, refused)
     family = tuple(places_of(one)[0].family for one in tasks)
-    return BodyTasks(mesh.name, tuple(tasks), family, tuple(refused), (*assumptions(report), *_weighed(mesh, body, settings)))
+    return BodyTasks(mesh.name, tuple(tasks), family, tuple(refused), tuple(notes))
+
+
+def _by_geometry(hand: HandModel, body: GraspObject, turns: Turns, settings: BodySettings, tasks: list[GraspTask],
+                 refused: list[str]) -> list[str]:  # fmt: skip
+    """Add a task without parts, uses or N_t to `tasks`, or a sentence to `refused`; a sentence on what was assumed."""
+    options = [GraspTask(f"{body.name}/{GEOMETRY.replace(' ', '_')}", "", "", shape, (), part, NONE, (), NONE)
+               for shape in (one_part(body), parted_by_pieces(body)) for part in shape.parts]  # fmt: skip
+    try:
+        tasks.append(laid_task(hand, options[0], ranked_options(options, turns), settings))
+    except ValueError as error:
+        refused.append(str(error))
+        return []
+    return [f"{body.name}: no use has a place for a hand on the parts that were found (under Refused); it is grasped by geometry "
+            "alone, without N_t; label its parts, docs/surface/mesh-format.md, or say what to hold with --uses"]  # fmt: skip
+
+
+def one_part(body: GraspObject) -> GraspObject:
+    """Body whose only part is the whole."""
+    return replace(body, parts=("whole",), hull_part=np.zeros_like(body.hull_part), point_part=np.zeros_like(body.point_part))
+
+
+def parted_by_pieces(body: GraspObject) -> GraspObject:
+    """Body whose parts are the pieces of its convex decomposition: each point belongs to the hull that it is deepest in."""
+    planes = [ConvexHull(corners).equations for corners in body.hulls()]
+    outside = np.stack([(body.points @ one[:, :3].T + one[:, 3]).max(axis=1) for one in planes])
+    names, hull_part = tuple(f"piece {k}" for k in range(len(planes))), np.arange(len(planes), dtype=np.int16)
+    return replace(body, parts=names, hull_part=hull_part, point_part=outside.argmin(axis=0).astype(np.int16))
 
 
 def _weighed(mesh: ObjectMesh, body: GraspObject, s: BodySettings) -> tuple[str, ...]:
@@ -147,6 +178,12 @@ def use_task(body: GraspObject, one: PartDescription) -> GraspTask:
         raise ValueError(f"{name}: every part that was found must not be touched ({', '.join(negative)}); label the parts of the "
                          "mesh, docs/surface/mesh-format.md")  # fmt: skip
     return GraspTask(name, "", one.task, body, negative, max(others, key=lambda part: count[part]), NONE, negative, NONE)
+
+
+def held_tasks(task: GraspTask, one: PartDescription) -> list[GraspTask]:
+    """The task with each part that may be held: those where a hand belongs, or the part of the task where there are none."""
+    positive = [note.part for note in one.notes if note.role == "positive" and note.part in task.body.parts]
+    return [replace(task, hold=part) for part in positive or [task.hold]]
 
 
 def laid_task(hand: HandModel, wanted: GraspTask, options: Sequence[tuple[GraspTask, Rotation]], s: BodySettings,

@@ -7,7 +7,8 @@
     hook     fingers through a loop
 
 A place has a fit of 0..1: the factor of its family, times how well the hand spans the part there, times how near the place is to
-the centre of mass. Points within 2 cm of N_t are no places. The body lies or stands on z = 0, z up.
+the centre of mass; less for a bar with the rest of the body close under it. Points within 2 cm of N_t are no places. The body lies
+or stands on z = 0, z up.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ import numpy as np
 from afford.grasping.env.measures import SAFE_M, nearest
 from afford.surface.describe.lexicon import parse_task
 
-FAMILIES = {"handle": 1.0, "pinch": 0.8, "body": 0.7, "rim": 0.5, "hook": 0.4}
+FAMILIES = {"handle": 1.0, "body": 0.8, "pinch": 0.7, "rim": 0.5, "hook": 0.4}
 """family -> factor of its fit: how sure the hand holds on in that way"""
 WANTED = {"pour": ("handle", "hook", "body"), "drink": ("handle", "hook", "body"), "hand over": ("pinch", "rim", "handle", "body")}
 """verb of a task -> families that serve it; others keep OTHERWISE of their fit"""
@@ -39,6 +40,8 @@ TALL_M, SHORT_M = 0.06, 0.035
 """least height of an upright body, and of an upright bar beside it"""
 FINGER_M, CLEAR_M = 0.010, 0.020
 """thickness of a finger; room that fingers need beside what they grasp, free of anything above"""
+UNDER_M, OVER_BODY = 0.06, 0.3
+"""a bar with the rest of the body within UNDER_M under it, as the handle of a mug on its side, keeps OVER_BODY of its fit"""
 HOLE_M = 0.008
 """radius of the least hole for a finger"""
 FLAT = 0.4
@@ -66,6 +69,7 @@ class GraspPlace:
     width_m: float
     """between thumb and fingers"""
     fit: float
+    """0..1; within a rule, the share that it keeps"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +122,7 @@ def _shape(points: np.ndarray, normals: np.ndarray, on_part: np.ndarray, N_t: np
 
 def _scored(place: GraspPlace, part: PartShape, served: float) -> GraspPlace:
     lever = float(np.linalg.norm((place.at_m - part.com)[:2]))
-    fit = FAMILIES[place.family] * served * _spanned(place.width_m) * np.exp(-lever / LEVER_M)
+    fit = place.fit * FAMILIES[place.family] * served * _spanned(place.width_m) * np.exp(-lever / LEVER_M)
     return GraspPlace(place.family, place.at_m, place.along, place.approach, place.width_m, float(fit))
 
 
@@ -158,7 +162,7 @@ def _body(part: PartShape) -> GraspPlace | None:
     beside = float(np.linalg.norm((part.com - at)[:2])) > width and high - low > LONG * width
     if not beside and high - low < TALL_M:
         return None
-    return GraspPlace("handle" if beside else "body", at, UP, towards if beside else -long, width, 0.0)
+    return GraspPlace("handle" if beside else "body", at, UP, towards if beside else -across, width, 1.0)
 
 
 def _rim(part: PartShape) -> GraspPlace | None:
@@ -182,7 +186,7 @@ def _rim(part: PartShape) -> GraspPlace | None:
     wall = float(np.ptp(offset[(np.abs(offset @ tangent) < 0.01) & (np.abs(offset @ out) < WIDE_M / 2)] @ out))
     if wall > WALL_M:
         return None
-    return GraspPlace("rim", at, tangent, np.array([0.0, 0.0, -1.0]), max(wall, 2 * THIN_M), 0.0)
+    return GraspPlace("rim", at, tangent, np.array([0.0, 0.0, -1.0]), max(wall, 2 * THIN_M), 1.0)
 
 
 def _surrounds(spots: np.ndarray, com: np.ndarray) -> bool:
@@ -198,7 +202,7 @@ def _hook(part: PartShape) -> GraspPlace | None:
     away = np.asarray(part.middle - part.whole.mean(0))
     outer = part.spots[(part.spots - part.middle) @ away > 0]
     width = float(np.ptp(np.percentile((outer - outer.mean(0)) @ part.axes[2], [2, 98]))) if len(outer) else 0.0
-    return GraspPlace("hook", outer.mean(0), part.axes[0], part.axes[2], width, 0.0) if len(outer) else None
+    return GraspPlace("hook", outer.mean(0), part.axes[0], part.axes[2], width, 1.0) if len(outer) else None
 
 
 RULES: tuple[Callable[[PartShape], GraspPlace | None], ...] = (_handle, _pinch, _body, _rim, _hook)
@@ -237,7 +241,16 @@ def _across(family: str, part: PartShape, axis: np.ndarray, low: float, high: fl
     at = at + (chosen - (at - part.middle) @ axis) * axis
     across = np.cross(UP, axis)
     width = float(np.ptp(np.percentile(slab @ across, [2, 98])))
-    return GraspPlace(family, at, axis, -UP, width, 0.0) if _room(part, at, axis, across, width, np.inf) else None
+    if not _room(part, at, axis, across, width, np.inf):
+        return None
+    return GraspPlace(family, at, axis, -UP, width, OVER_BODY if _over_body(part, slab, at, axis, across, width) else 1.0)
+
+
+def _over_body(part: PartShape, slab: np.ndarray, at: np.ndarray, axis: np.ndarray, across: np.ndarray, width_m: float) -> bool:
+    """Test whether the rest of the body is under a bar, where fingers that close around the bar push it."""
+    offset, bottom = part.whole - at, float(slab[:, 2].min())
+    under = (part.whole[:, 2] < bottom - THIN_M) & (part.whole[:, 2] > bottom - UNDER_M)
+    return bool((under & (np.abs(offset @ axis) < FINGER_M) & (np.abs(offset @ across) < width_m / 2 + FINGER_M)).any())
 
 
 def _room(part: PartShape, at: np.ndarray, axis: np.ndarray, across: np.ndarray, width_m: float, above_m: float) -> bool:

@@ -9,8 +9,8 @@ from zlib import crc32
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from afford.grasping.env.body_tasks import BodySettings, laid_task, rigid_body, use_task
-from afford.grasping.env.rest_choice import STEADY_RAD, laid, places_of, stable_turns
+from afford.grasping.env.body_tasks import BodySettings, held_tasks, laid_task, rigid_body, use_task
+from afford.grasping.env.rest_choice import Turns, places_of, ranked_options, steady_turns
 from afford.grasping.env.task import NEGATIVE_POINTS, spread_points
 from afford.grasping.sim.engine import make_world
 from afford.grasping.sim.rest_poses import dropped_rest_poses
@@ -22,8 +22,6 @@ from schemas.hand import HandModel
 from schemas.mesh import MeshParts, ObjectMesh
 from schemas.surface import PartDescription
 
-Turns = list[tuple[Rotation, float]]
-"""rotations in which a body rests, each with a steadiness of 0..1"""
 UP, SIDE = 0.9, 0.5
 """cosine of the axis of a body and the vertical: at least UP as it was built, at most SIDE on its side"""
 
@@ -57,22 +55,14 @@ def _posed(hand: HandModel, body: GraspObject, one: PartDescription, pose: str, 
     negative = np.isin(body.point_part, [body.parts.index(part) for part in usual.negative])
     N_t = spread_points(body.points[negative].astype(np.float64), NEGATIVE_POINTS)
     usual = replace(usual, name=f"{body.name}/{pose}/{usual.name.rpartition('/')[2]}", N_t=N_t)
-    held = [note.part for note in one.notes if note.role == "positive" and note.part in body.parts] or [usual.hold]
-    return laid_task(hand, usual, _ranked([replace(usual, hold=part) for part in held], turns), s, pose)
-
-
-def _ranked(tasks: Sequence[GraspTask], turns: Turns) -> list[tuple[GraspTask, Rotation]]:
-    """Rank tasks and rotations by the fit of their best place, times the steadiness."""
-    scored = [(places[0].fit * steady, task, turn) for turn, steady in turns for task in tasks
-              if (places := places_of(laid(task, turn)))]  # fmt: skip
-    return [(task, turn) for _, task, turn in sorted(scored, key=lambda one: -one[0])]
+    return laid_task(hand, usual, ranked_options(held_tasks(usual, one), turns), s, pose)
 
 
 def _stable(body: GraspObject, low: float, high: float) -> Iterator[tuple[Rotation, float]]:
     """Yield the stable rotations in which the cosine of the body's z axis and the vertical is between two numbers."""
-    for turn, tips in stable_turns(body):
+    for turn, steady in steady_turns(body):
         if low <= turn.as_matrix()[2, 2] <= high:
-            yield turn, min(1.0, tips / STEADY_RAD)
+            yield turn, steady
 
 
 def _upright(hand: HandModel, body: GraspObject, stands: bool, seed: int) -> Turns:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,8 @@ from scipy.spatial.transform import Rotation
 from afford.grasping.env.families import GraspPlace, grasp_places
 from schemas.grasp import GraspObject, GraspTask
 
+Turns = list[tuple[Rotation, float]]
+"""rotations in which a body rests, each with a steadiness of 0..1"""
 SAME = 0.02
 """faces whose unit normals differ by less are one"""
 TOUCH_M = 0.002
@@ -54,11 +57,16 @@ def laid(task: GraspTask, turn: Rotation) -> GraspTask:
     return replace(task, body=turned, N_t=moved(task.N_t), A_t=moved(task.A_t))
 
 
-def ranked_turns(task: GraspTask) -> list[Rotation]:
-    """Find the rotations in which a hand can do a task, best first: by the fit of the best place, times the steadiness."""
-    scored = [(places[0].fit * min(1.0, tips / STEADY_RAD), turn) for turn, tips in stable_turns(task.body)
+def steady_turns(body: GraspObject) -> Turns:
+    """Find the stable rotations of a body, steadiest first."""
+    return [(turn, min(1.0, tips / STEADY_RAD)) for turn, tips in stable_turns(body)]
+
+
+def ranked_options(tasks: Sequence[GraspTask], turns: Turns) -> list[tuple[GraspTask, Rotation]]:
+    """Rank tasks, which differ in the part to hold, and rotations, by the fit of their best place times the steadiness."""
+    scored = [(places[0].fit * steady, task, turn) for turn, steady in turns for task in tasks
               if (places := places_of(laid(task, turn)))]  # fmt: skip
-    return [turn for _, turn in sorted(scored, key=lambda one: -one[0])]
+    return [(task, turn) for _, task, turn in sorted(scored, key=lambda one: -one[0])]
 
 
 def _tips_rad(body: GraspObject, turn: Rotation) -> float:

@@ -20,8 +20,10 @@ HEAD = """# Grasps of your meshes
 
 Succ: share of episodes in which the object came within 5 cm of its goal, 20 cm above its place. Held: at the last step. AS:
 fingertips within 2 cm of a negative point at the last step, over successes. Negative parts are predicted, not known, so AS is
-judged by the prediction; only tasks with N_t have one. The shipped policy was trained on flat tools. It begins over the place of
-the grasp family and is free from there on: it does not know the families around a body, at a rim or through a loop.
+judged by the prediction; only tasks with N_t have one, and means of AS are over the objects that have such a success. The shipped
+policy was trained on flat tools. It begins over the place of the grasp family and is free from there on; once it has gripped and
+raised the object, the wrist carries it to its goal (body_evaluate.carry). Objects whose use is `geometry alone` have no part with a
+place for a hand: they are held wherever their shape allows, without N_t.
 """
 ADAPTED = """Scripted grasps that lift the object, found in both engines, were cloned into the shipped policy. The best weights on
 episodes of the training, below, were kept. The tables above are of other episodes."""
@@ -94,8 +96,11 @@ def _tables(rows: Sequence[BodyRow]) -> Iterator[str]:
                f"{100 * row.held:.1f} | {AS} | {row.with_negative} | {row.tasks} | {row.episodes} |")
     for policy, engine in sorted({(row.policy, row.engine) for row in rows}):
         mine = [row for row in rows if (row.policy, row.engine) == (policy, engine)]
+        judged = [row.as_pct for row in mine if np.isfinite(row.as_pct)]
+        counts = (sum(row.with_negative for row in mine), sum(row.tasks for row in mine), sum(row.episodes for row in mine))
+        AS = f"{np.mean(judged):.1f} ({len(judged)} objects)" if judged else "-"
         yield (f"| mean of {len(mine)} objects | {policy} | {engine} | {100 * np.mean([row.succ for row in mine]):.1f} | | | "
-               f"{100 * np.mean([row.held for row in mine]):.1f} | | | | {sum(row.episodes for row in mine)} |")
+               f"{100 * np.mean([row.held for row in mine]):.1f} | {AS} | {' | '.join(map(str, counts))} |")
 
 
 def _uses(bodies: Sequence[BodyTasks], runs: Sequence[GraspEpisodes]) -> Iterator[str]:

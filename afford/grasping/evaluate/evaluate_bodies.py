@@ -22,14 +22,15 @@ FIGURES = tuple(METRICS)
 
 
 def evaluate_body(name: str, hand: HandModel, tasks: Sequence[GraspTask], files: FileTree, engine: str, episodes: int, at_once: int,
-                  traces: int, physics: Physics, seed: int, progress: Callable[[int, int], None]) -> GraspEpisodes:  # fmt: skip
+                  traces: int, physics: Physics, seed: int, carry: bool,
+                  progress: Callable[[int, int], None]) -> GraspEpisodes:  # fmt: skip
     """Play `episodes` or more, each task equally often; none without a task. ValueError for a policy that does not fit."""
     check_stage_engine(engine)
     policy = load_policy(files, {})
     config = policy.config(engine, physics, "flat", 0.0)
     worlds, rounds = _plan(len(tasks), episodes, at_once)
     names, values, depths, shown = list[str](), [np.zeros((0, len(FIGURES)))], [np.zeros((0, config.steps))], list[GraspTrace]()
-    grasping = PlacedWorlds(hand, [tasks[k % len(tasks)] for k in range(worlds)], config) if worlds else None
+    grasping = PlacedWorlds(hand, [tasks[k % len(tasks)] for k in range(worlds)], config, carry) if worlds else None
     for number in range(rounds if grasping else 0):
         assert grasping is not None
         played = rollout(grasping, policy.actor(grasping), [np.random.default_rng([seed, k, number]) for k in range(worlds)])

@@ -22,7 +22,7 @@ from torch import Tensor, nn
 
 from afford.common.files import empty_folder
 from afford.grasping.env.placed_worlds import PlacedWorlds
-from afford.grasping.policies.grasp_search import scripts, search_grasps
+from afford.grasping.policies.grasp_search import Limits, scripts, search_grasps
 from afford.grasping.policies.load_policy import MeanAction, Policy, prior_columns
 from afford.grasping.rl import policy_files
 from afford.grasping.rl.ppo import ActorCritic, make_optimizer
@@ -53,6 +53,8 @@ class AdaptationConfig:
     worlds: int
     bullet: int
     generations: int
+    trials: int
+    sure: int
     rounds: int
     updates: int
     batch: int
@@ -60,6 +62,7 @@ class AdaptationConfig:
     noise: float
     enough: float
     iterations: int
+    carry: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,6 +139,18 @@ class Adaptation:
         report = worlds.report()
         report["score"] = episode_scores(report)
         return {name: report[name].reshape(-1, self.tasks).mean(0) for name in ("score", "success", "held", "as_violation_pct")}
+
+    def search(self, wanted: Sequence[int], progress: Callable[[int], None]) -> np.ndarray:
+        """(w, finalists, 17) best scripts of the tasks `wanted`, in worlds of these tasks alone."""
+        config = self.config
+        limits = Limits(config.generations, config.trials, config.sure)
+        places = [PlacedWorlds(one.scenery.hand, [one.given[k] for k in wanted] * (len(one.tasks) // self.tasks), one.config,
+                               one.carry) for one in self.places]  # fmt: skip
+        try:
+            return search_grasps(places, len(wanted), limits, FINALISTS, config.noise, derive_seed(config.seed, SEARCHED), progress)
+        finally:
+            for one in places:
+                one.close()
 
     def learn(self, expert: Expert, folder: Path, progress: Callable[[int], None]) -> tuple[ActorCritic, TrainingState]:
         """Clone the expert by DAgger; the network with the best weights."""
@@ -214,11 +229,12 @@ def _experts(adaptation: Adaptation, folder: Path, progress: Callable[[int], Non
     seed = [config.seed, TRIED]
     teacher = adaptation.scores(lambda worlds: lambda step: adaptation.teacher.act(worlds), seed)["score"]
     wanted = np.flatnonzero(teacher < config.enough).tolist()
-    found = search_grasps(adaptation.places, tasks, wanted, config.generations, FINALISTS, config.noise,
-                          derive_seed(config.seed, SEARCHED), progress) if wanted else {}  # fmt: skip
     best, score = np.zeros((tasks, 17)), teacher + MARGIN
-    for number in range(FINALISTS if found else 0):
-        rows = np.stack([found[task][number] if task in found else best[task] for task in range(tasks)])
+    found = np.tile(best[:, None], (1, FINALISTS, 1))
+    if wanted:
+        found[wanted] = adaptation.search(wanted, progress)
+    for number in range(FINALISTS if wanted else 0):
+        rows = found[:, number]
         tried = adaptation.scores(lambda worlds, rows=rows: _follow(worlds, rows, tasks), seed)["score"]  # type: ignore[misc]
         better = (tried > score) & np.isin(np.arange(tasks), wanted)
         best[better], score[better] = rows[better], tried[better]
@@ -244,7 +260,7 @@ def _worlds(hand: HandModel, tasks: Sequence[GraspTask], policy: Policy, config:
     """Worlds in MuJoCo, for the search, and fewer in PyBullet."""
     physics = Physics(iterations=config.iterations)
     count = {"mujoco": config.worlds, "bullet": config.bullet}
-    return [PlacedWorlds(hand, [*tasks] * each, policy.config(engine, physics, "flat", 0.0))
+    return [PlacedWorlds(hand, [*tasks] * each, policy.config(engine, physics, "flat", 0.0), config.carry)
             for engine, each in count.items() if each]  # fmt: skip
 
 

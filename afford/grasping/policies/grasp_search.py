@@ -4,13 +4,14 @@ A demonstration is a script of 17 numbers (sim/scripted.py): the hand moves from
 comes down, closes and lifts. The search is an evolution strategy for each task. The first generation is spread widely around the
 script for tools; later ones change the best scripts so far, in ever smaller steps. Each generation also tries the best ones again,
 because a trial has noise on its actions, so that grasps win that bear small errors. The objective is the return of the policy's own
-reward, which also counts negative points.
+reward, which also counts negative points. A search ends when every task has a script that holds in all engines, or when its
+episodes are spent.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import astuple
+from dataclasses import astuple, dataclass
 from itertools import chain
 
 import numpy as np
@@ -39,7 +40,7 @@ class GraspSearch:
 
     def __init__(self, seed: Sequence[int], engines: int) -> None:
         self._rng = np.random.default_rng(seed)
-        self._rows, self._returns = list[np.ndarray](), list[list[list[float]]]()
+        self._rows, self._returns, self._held = list[np.ndarray](), list[list[list[float]]](), list[list[bool]]()
         self._asked, self._generation, self._engines = list[int](), 0, engines
 
     def ask(self, count: int) -> np.ndarray:
@@ -51,6 +52,7 @@ class GraspSearch:
         self._asked = [*known, *range(len(self._rows), len(self._rows) + len(fresh))]
         self._rows += fresh
         self._returns += [[[] for _ in range(self._engines)] for _ in fresh]
+        self._held += [[] for _ in fresh]
         self._generation += 1
         return np.stack([self._rows[k] for k in self._asked])
 
@@ -59,10 +61,15 @@ class GraspSearch:
         self._asked = np.resize(self._ranked()[:count], count).tolist()
         return np.stack([self._rows[k] for k in self._asked])
 
-    def tell(self, engine: int, returns: np.ndarray) -> None:
-        """Enter the returns (count,) of the scripts that were asked for last, tried in engine number `engine`."""
-        for k, one in zip(self._asked, returns.tolist(), strict=True):
+    def tell(self, engine: int, returns: np.ndarray, held: np.ndarray) -> None:
+        """Enter returns and holds (count,) of the scripts that were asked for last, tried in engine number `engine`."""
+        for k, one, holds in zip(self._asked, returns.tolist(), held.tolist(), strict=True):
             self._returns[k][engine].append(one)
+            self._held[k].append(bool(holds))
+
+    def found(self, sure: int) -> bool:
+        """Test whether a script held in all of its trials, `sure` or more in each engine."""
+        return any(all(held) and min(map(len, tried)) >= sure for held, tried in zip(self._held, self._returns, strict=True))
 
     def best(self, count: int) -> np.ndarray:
         """(count, 17) best scripts so far, first those that were tried in every engine."""
@@ -83,35 +90,47 @@ class GraspSearch:
         return [int(k) for k in np.argsort(-np.array(score), kind="stable") if np.isfinite(score[k])]
 
 
-def search_grasps(places: Sequence[PlacedWorlds], tasks: int, wanted: Sequence[int], generations: int, finalists: int, noise: float,
-                  seed: int, progress: Callable[[int], None]) -> dict[int, np.ndarray]:  # fmt: skip
-    """Search scripts of the tasks `wanted`; task -> (finalists, 17), best first. World k has task k % tasks.
+@dataclass(frozen=True)
+class Limits:
+    """Limits of a search."""
+
+    generations: int
+    trials: int
+    """episodes of all tasks in all engines together; the first generation is always tried"""
+    sure: int
+    """trials in each engine, in all of which a script holds, that end the search of its task"""
+
+
+def search_grasps(places: Sequence[PlacedWorlds], tasks: int, limits: Limits, finalists: int, noise: float, seed: int,
+                  progress: Callable[[int], None]) -> np.ndarray:  # fmt: skip
+    """Search scripts of tasks; (tasks, finalists, 17), best first. World k has task k % tasks.
 
     New scripts are tried in the first of the worlds `places`, of one engine each, and the best ones of a generation in the others.
     """
-    searches = {task: GraspSearch([seed, task], len(places)) for task in wanted}
-    for number in range(generations):
+    searches = [GraspSearch([seed, task], len(places)) for task in range(tasks)]
+    most = max(1, limits.trials // sum(len(worlds.tasks) for worlds in places))
+    for number in range(min(limits.generations, most)):
         for engine, worlds in enumerate(places):
-            mine = {task: np.arange(task, len(worlds.tasks), tasks) for task in wanted}
-            rows = np.tile(numbers(GRASP), (len(worlds.tasks), 1))
-            for task, search in searches.items():
-                rows[mine[task]] = search.ask_again(len(mine[task])) if engine else search.ask(len(mine[task]))
-            returns = try_scripts(worlds, rows, noise, [seed, number, engine])
-            for task, search in searches.items():
-                search.tell(engine, returns[mine[task]])
+            asked = [(search.ask_again if engine else search.ask)(len(worlds.tasks) // tasks) for search in searches]
+            rows = np.stack(asked, axis=1).reshape(len(worlds.tasks), -1)
+            returns, held = try_scripts(worlds, rows, noise, [seed, number, engine])
+            for task, search in enumerate(searches):
+                search.tell(engine, returns[task::tasks], held[task::tasks])
         progress(number + 1)
-    return {task: search.best(finalists) for task, search in searches.items()}
+        if all(search.found(limits.sure) for search in searches):
+            break
+    return np.stack([search.best(finalists) for search in searches])
 
 
-def try_scripts(worlds: PlacedWorlds, rows: np.ndarray, noise: float, seed: Sequence[int]) -> np.ndarray:
-    """(n,) returns of one episode of every world, which follows its script of `rows` (n, 17) with noise on the actions."""
+def try_scripts(worlds: PlacedWorlds, rows: np.ndarray, noise: float, seed: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+    """(n,) returns and holds of one episode of every world, which follows its script of `rows` (n, 17), with noise."""
     rngs = [np.random.default_rng([*seed, k]) for k in range(len(worlds.tasks))]
     worlds.reset(range(len(rngs)), rngs)
     targets, total = scripts(worlds, rows), np.zeros(len(rngs))
     for step in range(worlds.config.steps):
         action = worlds.towards(targets[:, step])
         total += worlds.step(action + noise * np.stack([rng.normal(size=action.shape[1]) for rng in rngs]), rngs).reward
-    return total
+    return total, worlds.report()["held"] > 0
 
 
 def scripts(worlds: PlacedWorlds, rows: np.ndarray) -> np.ndarray:
