@@ -33,7 +33,7 @@ def test_strides_and_widths(height: int, width: int) -> None:
 @pytest.mark.parametrize(("kernel", "stride", "groups"), [(1, 1, 1), (3, 1, 12), (3, 2, 1), (5, 2, 12)])
 @pytest.mark.parametrize("size", [(20, 24), (21, 17)])
 def test_normalisation_inside_a_convolution_changes_nothing(size: tuple[int, int], kernel: int, stride: int, groups: int) -> None:
-    """In evaluation, one convolution gives what convolution and normalisation give one after the other; training stays apart."""
+    """One convolution in evaluation gives what convolution and normalisation give one after the other; training stays apart."""
     torch.manual_seed(kernel)
     convolution, norm = Same(12, 24, kernel, stride, groups), torch.nn.BatchNorm2d(24)
     for values in (norm.weight, norm.bias, norm.running_mean, norm.running_var):
