@@ -242,12 +242,12 @@ def train_student(g: Graph, s: Setup, row: str, seed: int, p: Settings) -> Train
                                         params=student_params(row, seed, p), ctx=g.ctx)  # fmt: skip
 
 
-def record_policy(g: Graph, s: Setup, stage: str, trained: Trained, params: Any) -> FileTree:
+def record_policy(g: Graph, s: Setup, stage: str, trained: Trained, params: Any, p: Settings) -> FileTree:
     """Record the training curves of a policy, and episodes of it."""
     log, files = g.pick(trained, lambda t: t.log), g.pick(trained, lambda t: t.files)
     made = g.named(f"record_{stage}").add(
         policy_record.run, hand=s.hand, tasks=s.objects.tasks[TRAINING], log=log, files=files,
-        params=policy_record.Params(stage, parameters=parameters(**{stage: params})), ctx=g.ctx)  # fmt: skip
+        params=replace(p.grasping.policy_record, stage=stage, parameters=parameters(**{stage: params})), ctx=g.ctx)  # fmt: skip
     return recorded(g, made, stage)
 
 
@@ -325,9 +325,9 @@ def train_rows(g: Graph, s: Setup, runs: Iterable[tuple[str, int]], levels: Mapp
         policies.append((row, seed, g.pick(trained, lambda t: t.files)))
         logs.append(g.pick(trained, lambda t: t.log))
         if (row, seed) == (STUDENT, 0):
-            recordings.append(record_policy(g, s, "grasp_student", trained, student_params(row, 0, p)))
+            recordings.append(record_policy(g, s, "grasp_student", trained, student_params(row, 0, p), p))
         elif (row, seed) == (TEACHER, 0):
-            recordings.append(record_policy(g, s, "rl_grasp_refinement", trained, teacher_params(row, 0, p)))
+            recordings.append(record_policy(g, s, "rl_grasp_refinement", trained, teacher_params(row, 0, p), p))
     published = [g.publish(files, f"models/{{source}}-{row}", as_=row) for row, seed, files in policies
                  if row in (TEACHER, STUDENT) and seed == 0]  # fmt: skip
     made = Results([], logs, [], published, recordings)
@@ -439,7 +439,7 @@ def report(g: Graph, target: str, s: Setup, results: Results, followed: Iterable
     control_rates(g, reported(g, page), results.episodes)
     motions = record_motions(g, s.hand, s.people.motion, s.people.clip, motion_synthesise=p.grasping.motion_synthesise,
                              hand_retarget=p.grasping.hand_retarget)  # fmt: skip
-    curves = [record_policy(g, s, "hand_imitation", s.prior, p.grasping.hand_imitation)] if s.trains_prior else []
+    curves = [record_policy(g, s, "hand_imitation", s.prior, p.grasping.hand_imitation, p)] if s.trains_prior else []
     recordings = [*curves, *results.recordings]
     g.target(target, page, shown, prior, g.finished("policies", results.published), record_run(g, "grasp_report", page), motions,
              g.finished("recordings", recordings), *others)  # fmt: skip

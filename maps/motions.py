@@ -60,7 +60,7 @@ def grasp_prior(g: Graph, origin: Origin, p: Settings) -> None:
     page = reported(g, g.add(prior_report.run, references=g.pick(proven, lambda c: c.references),
                              params=prior_report.Params(origin.name), ctx=g.ctx))  # fmt: skip
     files = g.publish(g.pick(prior, lambda t: t.files), "models/{source}-prior", as_="prior")
-    curves = record_policy(g, Setup(hand, objects, made, prior, {}), "hand_imitation", prior, params)
+    curves = record_policy(g, Setup(hand, objects, made, prior, {}), "hand_imitation", prior, params, p)
     g.target("grasp-prior", page, files, curves, record_run(g, "prior_report", page), *recordings)
 
 

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import gc
 import json
+import os
 import signal
 from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
 import pytest
+
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # before torch loads OpenMP, whose threads would wait in a busy loop otherwise
+
 import torch
 from threadpoolctl import threadpool_limits
 
@@ -28,6 +33,15 @@ signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background
 use(TARGETS, build)  # as the command line does, for tests that call its parts
 
 ROOT = Path(__file__).resolve().parent.parent
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Iterator[None]:
+    """Collect no garbage while the tests are imported, and never look at what they imported again."""
+    gc.disable()
+    yield
+    gc.freeze()
+    gc.enable()
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -33,7 +33,7 @@ from stages.grasping import (
     rl_grasp_refinement,
 )
 from stages.grasping.hand_retarget import Params as Retarget
-from stages.recording import grasp_record
+from stages.recording import grasp_record, policy_record
 
 MOTION = motion_synthesise.Params(
     clips=1, rate_hz=20.0, reach_s=(0.45, 0.55), close_s=(0.2, 0.25), hold_s=0.25, lift_s=0.7, lift_m=0.2,
@@ -77,4 +77,5 @@ class Grasping:
     household_tasks: household_tasks.Params = household_tasks.Params()
     household_shown: household_shown.Params = household_shown.Params()
     grasp_record: grasp_record.Params = grasp_record.Params()
+    policy_record: policy_record.Params = policy_record.Params()
     grasp_report: grasp_report.Params = grasp_report.Params()

@@ -39,7 +39,7 @@ STAGES = sorted(MODULES)
 OTHER_ENVIRONMENT = {
     "HOME": "/nonexistent", "USER": "other", "TZ": "Pacific/Chatham", "LANG": "C", "LC_ALL": "C", "PYTHONUTF8": "0",
     "PYTHONCOERCECLOCALE": "0", "PYTHONHASHSEED": "4711", "PYTHONDONTWRITEBYTECODE": "1", "COLUMNS": "40",
-    "OPENBLAS_NUM_THREADS": "3", "SOURCE_DATE_EPOCH": "1", "MPLBACKEND": "svg"}  # fmt: skip
+    "OPENBLAS_NUM_THREADS": "3", "OMP_WAIT_POLICY": "PASSIVE", "SOURCE_DATE_EPOCH": "1", "MPLBACKEND": "svg"}  # fmt: skip
 KERNEL_CACHE = [str(ROOT / "afford" / "common" / name) for name in ("kernel_cache.py", "kernel_locator.py")]
 """files of the project that numba imports to find compiled kernels; they decide no bytes"""
 MACHINE_KIND = ("OPENBLAS_CORETYPE",)
@@ -50,15 +50,16 @@ OTHER_STYLE = "figure.dpi: 33\nlines.linewidth: 9\nsavefig.facecolor: red\nimage
 
 
 class Server:
-    """A process of `tests/helpers/purity_probe.py` in an environment."""
+    """A process of `tests/helpers/purity_probe.py` in an environment, which loads `modules` before its first job."""
 
-    def __init__(self, environment: Mapping[str, str]) -> None:
-        command = [sys.executable, str(ROOT / "tests" / "helpers" / "purity_probe.py")]
+    def __init__(self, environment: Mapping[str, str], *modules: str) -> None:
+        command = [sys.executable, str(ROOT / "tests" / "helpers" / "purity_probe.py"), *modules]
+        environment = {**environment, **LOCATOR, "NUMBA_CACHE_DIR": str(KERNELS)}  # numba reads them when it is loaded
         self._process = subprocess.Popen(command, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
 
     def do(self, folder: Path, store: Path, **job: Any) -> Path:
         """Do a job with the fonts of a store, and return its answer."""
-        environment = {**LOCATOR, "NUMBA_CACHE_DIR": str(KERNELS), "MPLCONFIGDIR": str(store / ".cache" / FONT_FOLDER)}
+        environment = {"MPLCONFIGDIR": str(store / ".cache" / FONT_FOLDER)}
         (folder / "job.json").write_text(json.dumps({"root": str(ROOT), "store": str(store), "environment": environment, **job}))
         assert self._process.stdin and self._process.stdout
         print(folder / "job.json", file=self._process.stdin, flush=True)
@@ -88,7 +89,7 @@ def probe() -> Iterator[Server]:
 @pytest.fixture(scope="module")
 def filled(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[Maker], Path]]:
     """The store that a maker fills when it is first needed."""
-    server = Server(os.environ)
+    server = Server(os.environ, "tests.helpers.purity_stores")
 
     def store(maker: Maker) -> Path:
         def fill(folder: Path) -> None:

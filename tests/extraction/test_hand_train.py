@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 
-from afford.extraction.hands import network
+from afford.extraction.hands import backgrounds, network
 from afford.extraction.hands import train as finder
 from afford.extraction.hands.augment import Augmentation
 from afford.extraction.hands.model import SIDE, HandFinderConfig
@@ -25,6 +25,12 @@ from tests.helpers.made_samples import Scratch
 TINY = HandFinderConfig(height_px=48, width_px=80, widths=(8, 16, 24))
 MILD = Augmentation(share=(0.45, 1.1), elsewhere=0.4, surfaces=0.0, retoned=0.0, gloved=0.0, faces=0.0)
 LESSONS = (made_up("P71_01", "train"), made_up("P71_02", "train"), made_up("P72_01", "val"))
+
+
+@pytest.fixture(autouse=True)
+def few_textures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Draw eight textures, since 160 take seconds in every training."""
+    monkeypatch.setattr(backgrounds, "TEXTURES", 8)
 
 
 def task(seed: int = 0) -> finder.FinderTask:

@@ -11,7 +11,7 @@ import pytest
 import torch
 
 from afford.common.files import tree
-from afford.extraction.hands import held_network
+from afford.extraction.hands import backgrounds, held_network
 from afford.extraction.hands.held_crops import HandCrop, palm_circle
 from afford.extraction.hands.held_evidence import HeldEvidence
 from afford.extraction.hands.held_model import HeldConfig, HeldNetwork
@@ -30,6 +30,12 @@ TINY = HeldConfig(32, (4, 4, 4, 4), (2, 2, 2, 2))
 LESSONS = (made_up("a", "train", 12, (96, 160)), made_up("b", "val", 8, (96, 160)))
 NETWORKS = Path(sys.prefix) / FOLDER
 needs_networks = pytest.mark.skipif(not (NETWORKS / PALM).is_file(), reason="run `python install/landmark_files.py`")
+
+
+@pytest.fixture(autouse=True)
+def few_textures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Draw eight textures, since 160 take seconds in every training."""
+    monkeypatch.setattr(backgrounds, "TEXTURES", 8)
 
 
 def hand(shape: tuple[int, int] = (120, 160), at: tuple[int, int] = (80, 60), radius: int = 12) -> np.ndarray:

@@ -21,4 +21,5 @@ SCHOOL = Settings.of(
     imitation_evaluate=replace(Settings.grasping.imitation_evaluate, places=1, iterations=20),
     grasp_two_tasks=replace(Settings.grasping.grasp_two_tasks, rounds=1, iterations=20, width=64, height=48, supersample=1),
     grasp_record=replace(Settings.grasping.grasp_record, width=64, height=48, supersample=1),
+    policy_record=replace(Settings.grasping.policy_record, width=64, height=48),
     grasp_report=replace(Settings.grasping.grasp_report, rows=("teacher", "student"), seeds=1, engines=("mujoco",)))  # fmt: skip

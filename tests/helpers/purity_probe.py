@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import datetime
+import gc
 import importlib
 import io
 import json
@@ -26,11 +27,11 @@ FORBIDDEN = ("socket.", "subprocess.", "os.exec", "os.posix_spawn", "os.system",
 LOOKING = ("os.listdir", "os.scandir", "os.walk", "os.fwalk")
 CHANGING = ("os.remove", "os.rename", "os.mkdir", "os.rmdir", "os.chmod", "os.chown", "os.link", "os.symlink", "os.truncate",
             "os.utime", "os.chdir")
-EARLY = ("numpy", "cv2", "scipy.sparse", "pandas", "pyarrow.parquet", "torch", "torch.utils.data", "torch._dynamo", "h5py",
-         "mujoco", "urllib3")
-"""libraries that load before the watch begins, some of which must: built on datetime and its layout in C (pandas); looks for a
-temporary folder (dill, a cache of compiled code that every optimiser of torch loads); calls `uname` (h5py); starts a process to
-find a window library (mujoco); opens a socket to see whether the system has IPv6 (urllib3)"""
+EARLY = ("numpy", "cv2", "scipy.sparse", "scipy.optimize", "scipy.ndimage", "scipy.stats", "skimage.measure", "pandas",
+         "pyarrow.parquet", "numba", "torch", "torch.utils.data", "torch._dynamo", "h5py", "mujoco", "trimesh", "urllib3")
+"""libraries that load before the watch begins, once for all stages; some of them must: built on datetime and its layout in C
+(pandas); looks for a temporary folder (dill, a cache of compiled code that every optimiser of torch loads); calls `uname` (h5py);
+starts a process to find a window library (mujoco); opens a socket to see whether the system has IPv6 (urllib3)"""
 LATER_S = 400_000_000.0  # the clock of the probe is twelve years ahead
 
 
@@ -99,7 +100,6 @@ class Context:
 
 
 def main(job: dict[str, Any]) -> list[dict[str, Any]]:
-    sys.path[0] = job["root"]
     from afford.codecs import CODEC
     from runner.store import Store, prepare_store
 
@@ -208,13 +208,17 @@ def _of_now(read: Any) -> Any:
     return lambda seconds=None: read(time.time() if seconds is None else seconds)
 
 
-def serve() -> None:
+def serve(*more: str) -> None:
     """Do the jobs whose files are named on stdin, each in a process of its own, and write its exit code to stdout.
 
-    The libraries of `EARLY` are loaded once, before the processes are forked. The answer is written beside the job.
+    The libraries of `EARLY` and `more` modules are loaded once, before the processes are forked. The answer is written beside the
+    job.
     """
-    for name in EARLY:
+    gc.disable()  # loading makes hundreds of thousands of objects that stay
+    for name in (*EARLY, *more):
         importlib.import_module(name)
+    gc.freeze()
+    gc.enable()
     for line in sys.stdin:
         child = os.fork()
         if not child:
@@ -246,7 +250,6 @@ def _answer(path: Path) -> None:
 
 def _fill(job: dict[str, Any]) -> None:
     """Fill a store by a maker of `purity_stores`, with the standard output on standard error."""
-    sys.path[0] = job["root"]
     os.dup2(2, 1)
     from tests.helpers import purity_stores
 
@@ -254,4 +257,5 @@ def _fill(job: dict[str, Any]) -> None:
 
 
 if __name__ == "__main__":
-    serve()
+    sys.path[0] = str(Path(__file__).resolve().parents[2])
+    serve(*sys.argv[1:])

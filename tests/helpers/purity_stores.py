@@ -112,9 +112,10 @@ def trained(store: Path, folder: Path) -> None:
 
 
 def objects(store: Path, folder: Path) -> None:
-    """An object of every unseen category was built, and cut into hulls."""
+    """An object of each of two categories was built, and cut into hulls."""
     graph = Graph()
-    few = object_plan.Params(train_per_category=0, val_per_category=0, seen_per_category=0, unseen_per_category=1)
+    few = object_plan.Params(train_per_category=0, val_per_category=0, seen_per_category=0, unseen_per_category=1,
+                             categories=("razor", "soldering_iron"))  # fmt: skip
     spec = graph.each(graph.add(object_plan.run, params=few))
     built = graph.add(object_build.run, spec=spec, params=object_build.Params(max_faces=9000, atlas_px=64))
     mesh, parts = graph.pick(built, lambda built: built.mesh), graph.pick(built, lambda built: built.parts)
@@ -226,7 +227,6 @@ def motions(store: Path, folder: Path) -> None:
 def schooled(store: Path, folder: Path) -> None:
     """A prior, a teacher and a student have hardly learned anything, on one screwdriver."""
     run(store, "grasp-full", build("grasp-full", Origin("tiny"), SCHOOL))
-    with_fonts(store)
 
 
 def recorded_prior(store: Path, folder: Path) -> None:
@@ -263,6 +263,13 @@ def household(store: Path, folder: Path) -> None:
         household_tasks=replace(SCHOOL.grasping.household_tasks, uses=1, poses=("upright",), points=300, hulls=4),
         household_shown=replace(SCHOOL.grasping.household_shown, shown=1))  # fmt: skip
     run(store, "grasp-household", build("grasp-household", Origin("tiny"), p))
+
+
+def taught(store: Path, folder: Path) -> None:
+    """Everything about grasping was learned and tried in one store, so that what several of its makers need is made once."""
+    for fill in (schooled, recorded_prior, grasped_meshes, household):
+        fill(store, folder)
+    with_fonts(store)
 
 
 def grasps(store: Path, folder: Path) -> None:
@@ -370,12 +377,11 @@ MAKERS: dict[Maker, tuple[str, ...]] = {
     filmed: ("hand_landmarks", "hand_motion", "keypoint_files"),
     hands: ("hand_model",),
     motions: ("motion_read", "motion_synthesise", "hand_retarget", "motion_report", "motion_files", "motion_record"),
-    schooled: ("grasp_tasks", "grasp_tasks_predicted", "grasp_targets", "hand_imitation", "rl_grasp_refinement", "grasp_student",
-               "grasp_evaluate", "grasp_report", "imitation_evaluate", "grasp_two_tasks", "policy_record"),
-    recorded_prior: ("recordings_read", "human_motion", "clip_proof", "prior_report"),
-    grasped_meshes: ("part_segment", "body_tasks", "body_list", "body_evaluate", "body_episodes", "body_report",
-                     "body_adapt"),
-    household: ("household_plan", "household_build", "household_tasks", "household_shown", "household_report"),
+    taught: ("grasp_tasks", "grasp_tasks_predicted", "grasp_targets", "hand_imitation", "rl_grasp_refinement", "grasp_student",
+             "grasp_evaluate", "grasp_report", "imitation_evaluate", "grasp_two_tasks", "policy_record",
+             "recordings_read", "human_motion", "clip_proof", "prior_report",
+             "part_segment", "body_tasks", "body_list", "body_evaluate", "body_episodes", "body_report", "body_adapt",
+             "household_plan", "household_build", "household_tasks", "household_shown", "household_report"),
     judged: ("grasp_judge",),
     grasps: ("grasp_record",),
     from_masks: ("grasp_candidates", "grasp_compare", "grasp_compare_report", "positive_affordance_projection",
