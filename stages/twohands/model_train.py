@@ -113,7 +113,7 @@ VLM = Params(variant="vlm", height_px=1024, width_px=1024, steps=5000, batch=2, 
 """parameters of the paper: ten epochs of 500 steps of LISA's recipe"""
 CLIP = replace(VLM, variant="clip", checkpointing=False)
 """the same for 2HAff-CLIP"""
-QUICK = Params(variant="lite", height_px=160, width_px=192, steps=1800, validate_every=900, coarse_share=0.25)
+QUICK = Params(variant="lite", height_px=160, width_px=192, steps=1300, validate_every=650, coarse_share=0.25)
 """parameters of `make train`"""
 RELEASE = replace(QUICK, recipe="release", height_px=192, width_px=256, steps=3000, validate_every=1000, coarse_share=0.53)
 """parameters of the shipped model"""
