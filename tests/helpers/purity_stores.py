@@ -266,7 +266,7 @@ def household(store: Path, folder: Path) -> None:
 
 
 def taught(store: Path, folder: Path) -> None:
-    """Everything about grasping was learned and tried in one store, so that what several of its makers need is made once."""
+    """A store in which all about grasping was learned and tried, so that what several of its makers need is made once."""
     for fill in (schooled, recorded_prior, grasped_meshes, household):
         fill(store, folder)
     with_fonts(store)
