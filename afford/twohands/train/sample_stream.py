@@ -226,7 +226,7 @@ class SampleStream(Sequence[Item]):
         shard, group, row = (int(one) for one in self._place[at])
         whole = self._of_group(shard, group, row) if self._shards[shard][0].endswith(PARQUET) else self._shard(shard).item(row)
         item = shrink(whole, self._largest)
-        digest = blake3(np.ascontiguousarray(item.image)).digest()
+        digest = blake3(item.image.tobytes()).digest()
         kept = _Packed(digest, np.packbits(item.masks), {name: getattr(item, name) for name in (*WORDS, *NUMBERS)})
         self._decoded.put(at, kept, kept.bits.nbytes)
         if self._images.get(digest) is None:
