@@ -132,11 +132,11 @@ def train_and_score(g: Graph, cases: FileTree, dataset: FileTree, planned: tuple
     of      = "" if planned[0].data == "stills" else f"{planned[0].data}_"
     steps   = p.twohands.ablation_report.steps or p.twohands.model_train.steps
     recipe  = g.each(g.leaf(f"{of}recipes", planned))
-    chosen, small, started = p.twohands.model_train, model_train.Params(), weights(g, p, "model_train")
-    if chosen.variant == "lite":  # rows begin from random weights, at the size of `small`
-        started = {}
-        chosen  = replace(chosen, variant=small.variant, backbones="", height_px=small.height_px, width_px=small.width_px,
+    chosen, small = p.twohands.model_train, model_train.Params()
+    if chosen.variant == "lite":  # no row has its encoder; rows are trained at the size of `small`
+        chosen  = replace(chosen, variant=small.variant, height_px=small.height_px, width_px=small.width_px,
                           coarse_share=small.coarse_share, validate_every=small.validate_every)  # fmt: skip
+    started = weights(g, p, "model_train") if chosen.backbones else {}
     trained = g.named(f"{of}model_train").add(model_train.run, dataset=dataset, recipe=recipe, ctx=g.ctx,
                                               params=replace(chosen, steps=steps), **started)
     predicted    = g.named(f"{of}predict_cases").add(predict_cases.run, cases=cases, model=g.pick(trained, lambda t: t.files),

@@ -137,6 +137,19 @@ def test_the_initial_weights_of_a_training_are_an_input(model: Path) -> None:
         resolve_weights(settings(["sor3d_train.backbones=/no/such/place"], None), digest)
 
 
+def test_rows_of_the_ablation_have_the_named_parts_alone(model: Path) -> None:
+    """Parts that are named are an input, the encoder of set-up is not; without a variant the rows have the size of `small`."""
+    for sets, wanted in (([], ""), ([f"model_train.backbones={model}"], "model"),
+                         ([f"model_train.backbones={model}", "model_train.variant=clip"], "model")):
+        chosen = resolve_weights(settings(sets, None), digest)
+        given = replace(chosen, weights=(("model_train", FileTree("encoder", ())), *chosen.weights) if not sets else chosen.weights)
+        trainings = [node for node in build("ablation", Origin("x"), given).stages() if node.name.endswith("model_train")]
+        assert trainings and all(("weights" in dict(node.inputs)) == bool(wanted) for node in trainings)
+        assert {node.params.backbones for node in trainings} == {wanted}
+        assert {node.params.variant for node in trainings} == {"clip" if len(sets) > 1 else "small"}
+        assert len(sets) > 1 or {(node.params.height_px, node.params.width_px) for node in trainings} == {(128, 160)}
+
+
 @pytest.mark.parametrize(("name", "message"), [
     ("/no/such/place", "got nothing there; check the path"), ("EMPTY", "has no files of a model")])
 def test_a_missing_model_is_a_usage_error(name: str, message: str, tmp_path: Path) -> None:
