@@ -10,11 +10,13 @@ from typing import Any
 from commands.settings import settings
 from commands.weights import resolve_weights
 from maps import grasping, rgbd, surface, twohands
+from maps.common import shipped
 from maps.grasping import STUDENT, TEACHER
 from maps.settings import Origin, Settings
 from maps.synthetic import stills_to_train
 from runner import Graph
 from schemas.files import FileTree
+from stages.grasping import grasp_student
 
 RENDERED = "Pictures, shapes, motion and labels are rendered or simulated by this project; no recorded data."
 
@@ -35,13 +37,16 @@ class Recipe:
     """parameters of each `train-set` that the model learns from; all are joined"""
     inside: str = ""
     """folder of the model inside the trained files"""
+    begins: str = ""
+    """target whose shipped models the training begins from"""
     left_out: str = ""
     """prefix of the tensors that another package publishes"""
 
     def graph(self, digest: Callable[[Path], str], dataset: FileTree | None = None) -> Graph:
         """Build the graph with the target `trained`; `dataset`: the joined stills."""
         g = Graph()
-        g.target("trained", self.build(g, resolve_weights(settings(self.sets, None), digest), Origin("shipped", dataset=dataset)))
+        given = resolve_weights(settings(self.sets, None), digest, self.begins)
+        g.target("trained", self.build(g, given, Origin("shipped", dataset=dataset)))
         return g
 
     def still_graphs(self, digest: Callable[[Path], str]) -> Iterator[Graph]:
@@ -79,10 +84,14 @@ def teacher(g: Graph, p: Settings, origin: Origin) -> Any:
 
 
 def student(g: Graph, p: Settings, origin: Origin) -> Any:
-    """Train the student from the teacher."""
-    made = grasping.setup(g, p)
-    grasping.train_teacher(g, made, TEACHER, 0, p)
-    return g.pick(grasping.train_student(g, made, STUDENT, 0, p), lambda t: t.files)
+    """Train the student from the shipped teacher, or from a new one where none is shipped."""
+    made, ready = grasping.setup(g, p), shipped(g, p, "rl_grasp_refinement")
+    if ready is None:
+        grasping.train_teacher(g, made, TEACHER, 0, p)
+        return g.pick(grasping.train_student(g, made, STUDENT, 0, p), lambda t: t.files)
+    trained = g.add(grasp_student.run, hand=made.hand, tasks=made.objects.tasks[grasping.TRAINING], teacher=ready,
+                    params=grasping.student_params(STUDENT, 0, p), ctx=g.ctx)  # fmt: skip
+    return g.pick(trained, lambda t: t.files)
 
 
 SIMULATED = ("Objects, human motion and physics are synthetic; no recorded data. The hand is the model of the Shadow Hand in "
@@ -121,6 +130,8 @@ RECIPES = {
         "Grasping teacher", teacher, "grasps of tools that keep off negative parts, from the state of a simulator.", PHYSICS,
         SIMULATED),
     "grasp-student": Recipe(
-        "Grasping student", student, "the same grasps from depth images and proprioception.", PHYSICS, SIMULATED),
+        "Grasping student", student,
+        "the same grasps from depth images and proprioception. It learned from the shipped teacher.", PHYSICS, SIMULATED,
+        begins="grasp-play"),
 }  # fmt: skip
 """shipped models by folder"""
