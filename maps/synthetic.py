@@ -3,14 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 from maps.common import record_run
 from maps.settings import Origin, Settings
 from runner import Graph
+from schemas.affordance import Samples
 from schemas.files import FileTree
 from schemas.scene import RenderedClip
 from stages.extraction import dataset_pack
-from stages.synthetic import benchmark_plan, scene_render, still_render, still_sample, train_plan
+from stages.synthetic import (
+    benchmark_plan,
+    object_build,
+    scene_render,
+    still_render,
+    still_sample,
+    tool_plan,
+    tool_render,
+    train_plan,
+)
 from stages.twohands import benchmark_set
 
 
@@ -26,8 +37,19 @@ def stills_to_train(g: Graph, p: Settings) -> FileTree:
     spec    = g.each(g.add(train_plan.run,                                                           params=p.synthetic.train_plan))
     stills  = g.add(still_render.run,       spec=spec,       params=p.synthetic.still_render, ctx=g.ctx, **surfaces(g, p))
     samples = g.add(still_sample.run,       stills=stills,                                          params=p.synthetic.still_sample)
+    alone: dict[str, Any] = {"more": tools_alone(g, p)} if p.synthetic.tool_plan.per_category else {}
     params  = replace(p.extraction.dataset_pack, name="afford-stills", license="apache-2.0", made="rendered")
-    return g.named("train_pack").add(dataset_pack.run, samples=g.collect(samples), params=params, ctx=g.ctx)
+    return g.named("train_pack").add(dataset_pack.run, samples=g.collect(samples), params=params, ctx=g.ctx, **alone)
+
+
+def tools_alone(g: Graph, p: Settings) -> tuple[Samples, ...]:
+    """Add samples of objects alone on tables, painted as the rooms are."""
+    spec    = g.each(g.add(tool_plan.run,                                                            params=p.synthetic.tool_plan))
+    built   = g.named("tool_build").add(object_build.run, spec=spec,                              params=p.synthetic.object_build)
+    stills  = g.add(tool_render.run,        spec=spec,       mesh=g.pick(built, lambda b: b.mesh),
+                    parts=g.pick(built, lambda b: b.parts), params=p.synthetic.tool_render, ctx=g.ctx, **surfaces(g, p, "tool_render"))
+    samples = g.named("tool_sample").add(still_sample.run, stills=stills,                            params=p.synthetic.still_sample)
+    return g.collect(samples)
 
 
 def stills_to_measure(g: Graph, p: Settings) -> FileTree:
@@ -38,10 +60,10 @@ def stills_to_measure(g: Graph, p: Settings) -> FileTree:
     return g.add(benchmark_set.run,         stills=g.collect(stills),                 params=p.twohands.benchmark_set, ctx=g.ctx)
 
 
-def surfaces(g: Graph, p: Settings) -> dict[str, FileTree]:
-    """Photographs of surfaces for Cycles, where there are any."""
-    found = dict(p.weights).get("still_render")
-    return {"photographs": g.leaf("still_render_photographs", found)} if found else {}
+def surfaces(g: Graph, p: Settings, stage: str = "still_render") -> dict[str, FileTree]:
+    """Photographs of surfaces for Cycles, where a stage has any."""
+    found = dict(p.weights).get(stage)
+    return {"photographs": g.leaf(f"{stage}_photographs", found)} if found else {}
 
 
 def scenes(g: Graph, origin: Origin, p: Settings) -> None:

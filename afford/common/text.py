@@ -1,4 +1,4 @@
-"""Text: UTF-8 and strict JSON files, natural sort order, left and right in sentences."""
+"""Text: UTF-8 and strict JSON files, natural sort order, left and right in sentences, narrations."""
 
 from __future__ import annotations
 
@@ -83,3 +83,18 @@ def _like(pattern: str, word: str) -> str:
     if pattern.isupper():
         return word.upper()
     return word.capitalize() if pattern[0].isupper() else word
+
+
+DEFAULT_VERB = "use"
+"""verb of an empty task"""
+
+
+def as_narration(task: str, category: str) -> str:
+    """Write task and object as a narration: 'cut bread' and knife give 'cut bread with knife'.
+
+    The object is not repeated where the task already names it.
+    """
+    thing = category.replace("_", " ")
+    if not thing or f" {thing} " in f" {task} ":
+        return task or DEFAULT_VERB
+    return f"{task} with {thing}" if task else f"{DEFAULT_VERB} {thing}"

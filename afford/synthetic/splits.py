@@ -132,6 +132,8 @@ cleaver's blade (easy: knives), a pot's hot body (easy: pans), an axe's edge (ha
 dryer's hot nozzle (harder: a drill's shape), a soldering iron's hot tip (hard: a screwdriver's shape, an iron's danger), a
 razor's blade (hard: a thin strip across a stick).
 """
+ALONE_CATEGORIES = tuple(name for name in TRAINED_CATEGORIES if name not in NEW_KINDS)
+"""Categories of training stills that show one object alone: kettle and spatula stay unknown to the two-hand model."""
 
 
 def object_specs(split: str, categories: tuple[str, ...], count: int, seed: int, plain_every: int) -> tuple[ObjectSpec, ...]:

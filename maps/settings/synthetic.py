@@ -15,6 +15,8 @@ from stages.synthetic import (
     scene_render,
     still_render,
     still_sample,
+    tool_plan,
+    tool_render,
     train_plan,
 )
 
@@ -28,6 +30,8 @@ class Synthetic:
     benchmark_plan: benchmark_plan.Params = benchmark_plan.Params()
     still_render: still_render.Params = still_render.Params()
     still_sample: still_sample.Params = still_sample.Params()
+    tool_plan: tool_plan.Params = tool_plan.Params()
+    tool_render: tool_render.Params = tool_render.Params()
     object_plan: object_plan.Params = object_plan.Params()
     object_build: object_build.Params = object_build.Params()
     household_plan: household_plan.Params = household_plan.Params()

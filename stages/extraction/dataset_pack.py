@@ -50,15 +50,16 @@ class Params:
     """samples on the contact sheet"""
 
 
-def run(samples: tuple[Samples, ...], params: Params, ctx: Context) -> FileTree:
-    """Write the data set to the scratch folder and return its files."""
+def run(samples: tuple[Samples, ...], params: Params, ctx: Context, more: tuple[Samples, ...] = ()) -> FileTree:
+    """Write the data set of samples, and of `more` of them from elsewhere, to the scratch folder and return its files."""
     from afford.common import files
     from afford.dataset import packing
     from afford.dataset.packing import SplitRule
 
     root = files.empty_folder(ctx.scratch / "dataset")
     rule = SplitRule(params.split_by, params.val_fraction, params.test_fraction, params.seed)
-    plan = packing.plan_pack(samples, rule)
-    writing = packing.write_samples(root, samples, plan, params.samples_per_shard, params.sheet_samples, ctx.progress)
+    everything = (*samples, *more)
+    plan = packing.plan_pack(everything, rule)
+    writing = packing.write_samples(root, everything, plan, params.samples_per_shard, params.sheet_samples, ctx.progress)
     packing.write_metadata(root, writing, params.name, params.license, params.version, params.made)
     return files.tree(params.name, root)

@@ -57,7 +57,8 @@ def run(mesh: ObjectMesh, views: ObjectViews, descriptions: PartDescriptions, mo
         ctx: Context) -> PositiveAffordances:  # fmt: skip
     """Predict every view, and project the predictions on the surface."""
     from afford.common.files import copy_folder, empty_folder
-    from afford.surface.positive.project import ProjectionSettings, as_narration, project
+    from afford.common.text import as_narration
+    from afford.surface.positive.project import ProjectionSettings, project
     from afford.twohands.model.predictor import Predictor
 
     if len(views.visible_area) != len(mesh.faces):

@@ -10,7 +10,8 @@ import pytest
 
 from afford.common.files import tree
 from afford.surface.negative.project import distance_to_points
-from afford.surface.positive.project import ProjectionSettings, as_narration, hand_probability, project
+from afford.common.text import as_narration
+from afford.surface.positive.project import ProjectionSettings, hand_probability, project
 from schemas.benchmark import Prediction
 from schemas.files import FileTree
 from stages.surface import positive_affordance_projection

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from afford.common.files import copy_folder, empty_folder
-from afford.surface.positive.project import as_narration
+from afford.common.text import as_narration
 from afford.twohands.model.predictor import Predictor
 from schemas.files import FileTree
 

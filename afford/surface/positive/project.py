@@ -42,18 +42,3 @@ def project(mesh: ObjectMesh, views: ObjectViews, task: str, predictions: Sequen
     taxonomy = np.asarray(np.mean([one.taxonomy for one in predictions], axis=0), np.float32)
     return PositiveAffordance(task, probability, np.stack([p for p, _ in hands]), evidence, taxonomy,
                               dense[farthest_point_sampling(dense, settings.points)])
-
-
-DEFAULT_VERB = "use"
-"""verb of an empty task"""
-
-
-def as_narration(task: str, category: str) -> str:
-    """Write task and object as a narration: 'cut bread' and knife give 'cut bread with knife'.
-
-    The object is not repeated where the task already names it.
-    """
-    thing = category.replace("_", " ")
-    if not thing or f" {thing} " in f" {task} ":
-        return task or DEFAULT_VERB
-    return f"{task} with {thing}" if task else f"{DEFAULT_VERB} {thing}"
