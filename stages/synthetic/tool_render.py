@@ -1,4 +1,4 @@
-"""Object with parts -> stills of it alone on tables, with the part to hold for each task.
+"""an object with parts -> stills of it alone on tables, with the part to hold for each task.
 
 Reads   ObjectSpec, ObjectMesh and MeshParts of one object; photographs of surfaces, for cycles
 Writes  Stills: JPEG images; per task the narration and its modes, each with affordance and complete-object masks

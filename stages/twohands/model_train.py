@@ -84,6 +84,8 @@ class Params(Optimisation):
     """share of samples that are cropped and whose nouns are replaced by random words"""
     colour_share: float = 0.5
     """share of samples whose colours are changed"""
+    residue_share: float = 0.0
+    """share of samples with places as inpainting of hands leaves them"""
     zoom: float = 2.0
     """samples are cached at this many times the input size, so that crops stay sharp"""
     loss_mode: str = "paper"
@@ -166,7 +168,7 @@ def training_job(p: Params, recipe: Recipe | None = None) -> TwoHandsJob:
                         taxonomy_weight=float(recipe.taxonomy) if recipe else 1.0),
         division=Split(p.split_by, p.val_fraction, p.seed),
         views=Augmentation(p.flip_share, p.crop_share, stretch_share=p.stretch_share, nameless_share=p.nameless_share,
-                    colour_share=p.colour_share),
+                    colour_share=p.colour_share, residue_share=p.residue_share),
         coarse_share=p.coarse_share if light else 0.0,
         batch=p.batch, balance=p.balance, val_samples=p.val_samples, zoom=p.zoom, target=p.target, seed=p.seed,
         checkpointing=p.checkpointing and p.variant == "vlm", frozen_dtype=p.frozen_dtype)  # fmt: skip

@@ -94,7 +94,10 @@ def stills(store: Path, folder: Path) -> None:
     few = {"rooms": 1, "layouts": 1, "views": 1, "tasks": 3}
     small = Settings.of(train_plan=replace(Settings.synthetic.train_plan, val_rooms=0, **few),
                         benchmark_plan=replace(Settings.synthetic.benchmark_plan, **few),
-                        still_render=replace(Settings.synthetic.still_render, width_px=228, height_px=128, supersample=1))
+                        still_render=replace(Settings.synthetic.still_render, width_px=228, height_px=128, supersample=1),
+                        object_build=replace(Settings.synthetic.object_build, edge_m=0.02, atlas_px=64),
+                        tool_plan=replace(Settings.synthetic.tool_plan, categories=("screwdriver",), per_category=1, val_every=0),
+                        tool_render=replace(Settings.synthetic.tool_render, views=1, width_px=228, height_px=128, supersample=1))
     for target in ("train-set", "benchmark-set"):
         run(store, target, build(target, Origin("tiny"), small))
 
@@ -364,7 +367,7 @@ def boxed(store: Path, folder: Path) -> None:
 
 MAKERS: dict[Maker, tuple[str, ...]] = {
     rendered: ("scene_render",),
-    stills: ("train_plan", "still_render", "still_sample", "benchmark_plan", "benchmark_set"),
+    stills: ("train_plan", "still_render", "still_sample", "tool_plan", "tool_render", "benchmark_plan", "benchmark_set"),
     trained: ("model_train", "training_record", "ablation_report"),
     objects: ("object_plan", "object_build", "object_solids"),
     meshes: ("view_render", "mask_propose"),

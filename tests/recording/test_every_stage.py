@@ -23,9 +23,10 @@ PLAN = "a list of what is to be rendered: the names and seeds stand in what is m
 FIGURES = "figures of one shard: the report over all of them is recorded"
 EXCEPTIONS: dict[str, str] = {
     "train_plan": PLAN, "benchmark_plan": PLAN, "hand_plan": PLAN, "object_plan": PLAN, "interaction_plan": PLAN,
-    "household_plan": PLAN,
+    "household_plan": PLAN, "tool_plan": PLAN,
     "scene_render": "its video is /frame_decode/image of the recording of the clip",
     "still_render": "stills are on the contact sheet of train_pack, which is recorded",
+    "tool_render": "stills are on the contact sheet of train_pack, which is recorded",
     "still_sample": "samples are on the contact sheet of train_pack, which is recorded",
     "hand_lessons": "pictures in new disguises are the previews of hands_train and held_train",
     "interaction_render": "its frames are /interaction_read/image of interaction_record",

@@ -224,6 +224,18 @@ def test_samples_with_replaced_nouns_are_cropped(packed: data.Files) -> None:
     assert seen.image.size < item.image.size and "mug" not in seen.narration.split()
 
 
+def test_residue_changes_some_pixels_and_no_label(packed: data.Files) -> None:
+    """A part of the picture is repainted, the same with the same seed, wherever the masks are."""
+    item = next(iter(read_items(packed, "train")))
+    left = Augmentation(0, 0, stretch_share=0, colour_share=0, residue_share=1)
+    plain = augment(item, replace(left, residue_share=0.0), 1, 0).item
+    moved = replace(item, masks=item.masks[:, ::-1])
+    seen, again, elsewhere = (augment(one, left, 1, 0).item for one in (item, item, moved))
+    changed = (seen.image != plain.image).any(2).mean()
+    assert 0 < changed < 0.7 and np.array_equal(seen.masks, plain.masks)
+    assert np.array_equal(seen.image, again.image) and np.array_equal(seen.image, elsewhere.image)
+
+
 def test_scores_are_the_definitions() -> None:
     """IoU and precision of the union at every threshold, against the plain definitions; an empty prediction has none."""
     rng = np.random.default_rng(0)

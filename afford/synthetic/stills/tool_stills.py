@@ -65,12 +65,13 @@ class Seen:
 def render_tool(mesh: ObjectMesh, parts: MeshParts, uses: Sequence[Use], split: str, views: int, tasks: int, seed: int,
                 quality: RenderQuality, progress: Callable[[int, int], None], painter: Painter | None = None) -> Stills:  # fmt: skip
     """Render an object alone `views` times, with up to `tasks` of its uses in each picture. All painters show the same scenes."""
-    rng, poses = np.random.default_rng(seed), _rest_poses(mesh)
-    pictures, found = [], []
+    poses, pictures, found = rest_poses(mesh), [], []
     for number in range(views):
+        rng = np.random.default_rng((seed, number))
+        asked = rng.permutation(len(uses))[:tasks]
         seen = _take_picture(mesh, parts, poses, quality, rng, painter)
         pictures.append(Picture(encode_jpeg(seen.rgb, quality.jpeg_quality)))
-        for k in rng.permutation(len(uses))[:tasks]:
+        for k in asked:
             modes = _modes(mesh.category, parts, uses[k], seen.part)
             if modes:
                 text = _narration(mesh, len(found) + 1, uses[k])
@@ -80,7 +81,7 @@ def render_tool(mesh: ObjectMesh, parts: MeshParts, uses: Sequence[Use], split: 
     return Stills(f"{PERSON}_{mesh.name}", PERSON, split, "table", width, height, tuple(pictures), tuple(found))
 
 
-def _rest_poses(mesh: ObjectMesh) -> tuple[np.ndarray, np.ndarray]:
+def rest_poses(mesh: ObjectMesh) -> tuple[np.ndarray, np.ndarray]:
     """Poses (n, 4, 4) T_table_obj in which the object rests on a face of its hull, and their probabilities (n,), by solid angle.
 
     An object rests on the faces that are below its centre of mass.

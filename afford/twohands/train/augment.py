@@ -42,6 +42,8 @@ class Augmentation:
     """share of samples whose colours are changed"""
     colour_range: tuple[float, float] = (0.6, 1.4)
     """range of the factors of brightness, contrast and saturation"""
+    residue_share: float = 0.0
+    """share of samples with one or two arm-shaped places as inpainting leaves them, anywhere in the picture"""
 
 
 class AugmentedSample(NamedTuple):
@@ -65,7 +67,11 @@ def augment(item: Item, views: Augmentation, seed: int, position: int) -> Augmen
         item = change_width(item, float(np.exp(rng.uniform(*np.log(views.stretch_range)))))
     if nameless:
         item = replace_nouns(item, rng)
-    return AugmentedSample(replace(item, image=recolour(item.image, *factors)) if colour else item, at)
+    if colour:
+        item = replace(item, image=recolour(item.image, *factors))
+    if views.residue_share and rng.random() < views.residue_share:
+        item = replace(item, image=leave_residue(item.image, rng))
+    return AugmentedSample(item, at)
 
 
 def uncropped(item: Item) -> AugmentedSample:
@@ -108,6 +114,38 @@ def replace_nouns(item: Item, rng: np.random.Generator) -> Item:
         word = "".join(chr(ord("a") + letter) for letter in rng.integers(26, size=rng.integers(3, 9)))
         task = re.sub(rf"\b{re.escape(name)}\b", word, task)
     return replace(item, narration=task)
+
+
+def leave_residue(image: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Repaint one or two arm-shaped places of an image (h, w, 3) uint8 as inpainting does: smooth, or with displaced texture.
+
+    Places do not depend on the masks of the sample, so that they are no hint of where a hand was.
+    """
+    height, width = image.shape[:2]
+    out = np.ascontiguousarray(image)
+    for _ in range(int(rng.integers(1, 3))):
+        reach = rng.uniform((0.1, 0.15), (0.9, 0.9)) * (width, height)
+        elbow = rng.uniform((-0.2, 1.0), (1.2, 1.3)) * (width, height)
+        place = np.zeros((height, width), np.uint8)
+        thick = max(2, round(rng.uniform(0.06, 0.16) * width))
+        ends = [tuple(int(value) for value in point.round()) for point in (reach, elbow)]
+        cv2.line(place, *ends, 255, thick)
+        cv2.circle(place, ends[0], max(2, round(0.7 * thick)), 255, -1)
+        soft = cv2.GaussianBlur(place, (0, 0), max(0.8, 0.08 * thick))[..., None].astype(np.float32) / 255
+        out = np.rint(soft * _filled(out, place, thick, rng) + (1 - soft) * out).astype(np.uint8)
+    return out
+
+
+def _filled(image: np.ndarray, place: np.ndarray, thick: int, rng: np.random.Generator) -> np.ndarray:
+    """Fill a place (h, w) from its surroundings at a coarse scale, or from the picture beside it."""
+    if rng.random() < 0.4:
+        moved = rng.uniform(-1, 1, 2) * 1.5 * thick
+        return cv2.warpAffine(image, np.array([[1, 0, moved[0]], [0, 1, moved[1]]]), image.shape[1::-1], borderMode=cv2.BORDER_REFLECT)
+    coarse = max(1, thick // 6)
+    small = max(2, image.shape[1] // coarse), max(2, image.shape[0] // coarse)
+    grown = cv2.dilate(cv2.resize(place, small, interpolation=cv2.INTER_AREA), np.ones((3, 3), np.uint8))
+    filled = cv2.inpaint(cv2.resize(image, small, interpolation=cv2.INTER_AREA), (grown > 0).astype(np.uint8), 3, cv2.INPAINT_TELEA)
+    return cv2.resize(filled, image.shape[1::-1], interpolation=cv2.INTER_LINEAR)
 
 
 def object_mask(item: Item) -> np.ndarray:
