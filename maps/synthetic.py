@@ -44,11 +44,12 @@ def stills_to_train(g: Graph, p: Settings) -> FileTree:
 
 def tools_alone(g: Graph, p: Settings) -> tuple[Samples, ...]:
     """Add samples of objects alone on tables, painted as the rooms are."""
-    spec    = g.each(g.add(tool_plan.run,                                                            params=p.synthetic.tool_plan))
+    spec    = g.each(g.add(tool_plan.run,                                                          params=p.synthetic.tool_plan))
     built   = g.named("tool_build").add(object_build.run, spec=spec,                              params=p.synthetic.object_build)
-    stills  = g.add(tool_render.run,        spec=spec,       mesh=g.pick(built, lambda b: b.mesh),
-                    parts=g.pick(built, lambda b: b.parts), params=p.synthetic.tool_render, ctx=g.ctx, **surfaces(g, p, "tool_render"))
-    samples = g.named("tool_sample").add(still_sample.run, stills=stills,                            params=p.synthetic.still_sample)
+    mesh, parts = g.pick(built, lambda b: b.mesh), g.pick(built, lambda b: b.parts)
+    stills  = g.add(tool_render.run,        spec=spec, mesh=mesh, parts=parts, params=p.synthetic.tool_render, ctx=g.ctx,
+                    **surfaces(g, p, "tool_render"))
+    samples = g.named("tool_sample").add(still_sample.run, stills=stills,                          params=p.synthetic.still_sample)
     return g.collect(samples)
 
 

@@ -2,9 +2,9 @@
 
 Reads   ObjectSpec, ObjectMesh and MeshParts of one object; photographs of surfaces, for cycles
 Writes  Stills: JPEG images; per task the narration and its modes, each with affordance and complete-object masks
-Method  the object lies or stands on the table of another room in every picture, seen from above its near side; tasks and positive parts
-        are those of the lexicon; the region is the visible part, since no hand is closed on it. Painters are those of still_render.
-        Deterministic.
+Method  the object lies or stands on the table of another room in every picture, seen from above its near side; tasks and positive
+        parts are those of the lexicon; the region is the visible part, since no hand is closed on it. Painters are those of
+        still_render. Deterministic.
 Fails   when the category has no uses in the lexicon, or Cycles is not installed
 Paper   2HandedAfforder, robot experiment: single objects on a table
 """

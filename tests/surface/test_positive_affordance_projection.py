@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from afford.common.files import tree
-from afford.surface.negative.project import distance_to_points
 from afford.common.text import as_narration
+from afford.surface.negative.project import distance_to_points
 from afford.surface.positive.project import ProjectionSettings, hand_probability, project
 from schemas.benchmark import Prediction
 from schemas.files import FileTree

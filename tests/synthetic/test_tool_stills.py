@@ -50,7 +50,8 @@ def test_regions_are_parts_of_the_lexicon_inside_the_object(made: Stills) -> Non
         for mode in still.modes:
             side = mode.taxonomy
             assert side in (0, 1) and mode.grips[side] == wanted and mode.objects[side] == "hammer"
-            assert mode.masks[side].any() and not mode.masks[1 - side].any() and not (mode.masks[side] & ~mode.masks[2 + side]).any()
+            region, other, whole = mode.masks[side], mode.masks[1 - side], mode.masks[2 + side]
+            assert region.any() and not other.any() and not (region & ~whole).any()
             regions[still.image, wanted] = mode.masks[side]
         assert np.isclose(sum(mode.weight for mode in still.modes), 1)
     images = {image for image, _ in regions}

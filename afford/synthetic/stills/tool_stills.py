@@ -63,9 +63,12 @@ class Seen:
 
 
 def render_tool(mesh: ObjectMesh, parts: MeshParts, uses: Sequence[Use], split: str, views: int, tasks: int, seed: int,
-                quality: RenderQuality, progress: Callable[[int, int], None], painter: Painter | None = None) -> Stills:  # fmt: skip
-    """Render an object alone `views` times, with up to `tasks` of its uses in each picture. All painters show the same scenes."""
-    poses, pictures, found = rest_poses(mesh), [], []
+                quality: RenderQuality, progress: Callable[[int, int], None],
+                painter: Painter | None = None) -> Stills:  # fmt: skip
+    """Render an object alone `views` times, with up to `tasks` of its uses each time. All painters show the same scenes."""
+    poses = rest_poses(mesh)
+    pictures: list[Picture] = []
+    found: list[Still] = []
     for number in range(views):
         rng = np.random.default_rng((seed, number))
         asked = rng.permutation(len(uses))[:tasks]

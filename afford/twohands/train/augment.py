@@ -139,8 +139,8 @@ def leave_residue(image: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 def _filled(image: np.ndarray, place: np.ndarray, thick: int, rng: np.random.Generator) -> np.ndarray:
     """Fill a place (h, w) from its surroundings at a coarse scale, or from the picture beside it."""
     if rng.random() < 0.4:
-        moved = rng.uniform(-1, 1, 2) * 1.5 * thick
-        return cv2.warpAffine(image, np.array([[1, 0, moved[0]], [0, 1, moved[1]]]), image.shape[1::-1], borderMode=cv2.BORDER_REFLECT)
+        x, y = rng.uniform(-1.5, 1.5, 2) * thick
+        return cv2.warpAffine(image, np.array([[1, 0, x], [0, 1, y]]), image.shape[1::-1], borderMode=cv2.BORDER_REFLECT)
     coarse = max(1, thick // 6)
     small = max(2, image.shape[1] // coarse), max(2, image.shape[0] // coarse)
     grown = cv2.dilate(cv2.resize(place, small, interpolation=cv2.INTER_AREA), np.ones((3, 3), np.uint8))
