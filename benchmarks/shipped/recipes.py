@@ -98,6 +98,8 @@ SIMULATED = ("Objects, human motion and physics are synthetic; no recorded data.
              "`gymnasium-robotics`.")  # fmt: skip
 PHYSICS = ("Simulated contact alone. It has not been tried on a robot: do not let it move hardware near people. Objects that are "
            "longer, thicker or heavier than its training objects are outside its experience.")  # fmt: skip
+OBJECTS = ("object_build.max_faces=8000", "object_build.atlas_px=256")
+"""parameters of objects that are seen from a distance"""
 RECIPES = {
     "twohands": Recipe(
         "Two-hand affordance model", two_hands,
@@ -112,8 +114,11 @@ RECIPES = {
              "`mate-backgrounds` (GPL-2+ and CC-BY-SA), which are not in this file. The image encoder is EfficientNet-Lite0 "
              "(Apache-2.0), frozen, trained by its authors on ImageNet, whose pictures have terms of their own; its weights are "
              "not in this file either: set-up fetches them.",
-        sets=("model_train.recipe=release",),
-        stills=(("still_render.backend=cycles", "train_plan.rooms=46"), ("train_plan.seed=2",)), inside="model",
+        sets=("model_train.recipe=release", "model_train.residue_share=0.4"),
+        stills=(("still_render.backend=cycles", "train_plan.rooms=46", "tool_render.backend=cycles", "tool_plan.per_category=2",
+                 "tool_plan.seed=20272", "tool_plan.val_every=0", "tool_render.views=2", *OBJECTS),
+                ("train_plan.seed=2", "tool_plan.per_category=7", *OBJECTS)),
+        inside="model",
         left_out="encoder.backbone."),
     "parts": Recipe(
         "Part scorer", parts, "`make negative-affordance SOURCE=meshes`: which face of an object belongs to which part.",

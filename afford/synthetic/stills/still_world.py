@@ -79,7 +79,7 @@ class StillWorld:
         for obj in objects:
             factor = rng.uniform(*TINT, 3)
             shown += [_with_tint(instance, factor) for instance in obj.model.instances(obj.T_world_obj, obj.number)]
-        return Layout(tuple(objects), relit(self.room.light, rng), tuple(shown))
+        return Layout(tuple(objects), _relit(self.room.light, rng), tuple(shown))
 
     def _behind(self, models: Sequence[ObjectModel]) -> list[Instance]:
         places = self.rng.permutation(np.linspace(-0.55, 0.55, 6))[: len(models)]
@@ -112,7 +112,7 @@ def _with_tint(instance: Instance, factor: np.ndarray) -> Instance:
     return replace(instance, material=replace(instance.material, tint=_triple(np.asarray(instance.material.tint) * factor)))
 
 
-def relit(light: Light, rng: np.random.Generator) -> Light:
+def _relit(light: Light, rng: np.random.Generator) -> Light:
     """Sample other lighting of a room: side and brightness of the lamp."""
     x, y, z = light.direction
     turned = axis_angle((0, 0, 1), rng.uniform(-0.5, 0.5)) @ np.array([x * rng.choice([-1.0, 1.0]), y, z])

@@ -24,7 +24,7 @@ from afford.synthetic.kitchens.vocabulary import VERBS
 from afford.synthetic.sensor import add_image_noise
 from afford.synthetic.stills.painters import Painter
 from afford.synthetic.stills.render_stills import MIN_AREA, RenderQuality
-from afford.synthetic.stills.still_world import Layout, relit
+from afford.synthetic.stills.still_world import Layout
 from schemas.mesh import MeshParts, ObjectMesh
 from schemas.scene import Mode, Picture, Still, Stills
 from schemas.video import Narration
@@ -110,12 +110,11 @@ def _take_picture(mesh: ObjectMesh, parts: MeshParts, poses: tuple[np.ndarray, n
     surroundings = [*room.instances, *mats]
     shown = [*surroundings, Instance(drawable(mesh), material(mesh.texture), T, 0)]
     image, mask = _cameras(mesh.vertices @ T[:3, :3].T + T[:3, 3], quality, rng)
-    light = relit(room.light, rng)
     if painter is None:
         textures = Textures.of(one.material for one in shown)
-        rgb = add_image_noise(render(shown, image, light, textures, supersample=quality.supersample).rgb, rng)
+        rgb = add_image_noise(render(shown, image, room.light, textures, supersample=quality.supersample).rgb, rng)
     else:
-        rgb = painter(Layout((), light, tuple(shown)), image)
+        rgb = painter(Layout((), room.light, tuple(shown)), image)
     pieces = [*surroundings, *_pieces(mesh, parts, T)]
     ids, _ = draw_ids(pieces, mask, Textures.of(one.material for one in pieces))
     return Seen(rgb, ids)
