@@ -34,6 +34,9 @@ def resolve_weights(chosen: Settings, digest: Callable[[Path], str], target: str
     encoder = _image_encoder(digest) if training.variant == "lite" and not training.backbones else None
     if encoder is not None:
         found["model_train"] = encoder
+    if training.start:
+        found["start"] = _files("model_train.start", training.start, digest)
+        named["model_train"] = dataclasses.replace(training, start=_label(training.start))
     held = chosen.extraction.hand_detect.held
     if held not in (NO_NETWORK, TRAINED):
         found["held"] = _files("hand_detect.held", held, digest)

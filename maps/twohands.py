@@ -59,6 +59,7 @@ def training_data(g: Graph, origin: Origin, p: Settings) -> FileTree:
 def train_model(g: Graph, dataset: FileTree, p: Settings) -> Trained:
     """Train a two-hand model on a data set."""
     started: dict[str, Any] = weights(g, p, "model_train")
+    started |= {"start": g.leaf("start", files)} if (files := dict(p.weights).get("start")) else {}
     return g.add(model_train.run,           dataset=dataset,                    params=p.twohands.model_train, ctx=g.ctx, **started)
 
 

@@ -4,6 +4,8 @@
     PYTHONPATH=. python benchmarks/shipped/ship.py [NAME ...] [--store DIR] [--photographs DIR]
     PYTHONPATH=. python benchmarks/shipped/ship.py --check       # name the models whose code has changed since; always exit code 0
     PYTHONPATH=. python benchmarks/shipped/ship.py --calibrate DIR,...   # calibrate the shipped two-hand model on data sets
+    PYTHONPATH=. python benchmarks/shipped/ship.py twohands --trained DIR --data DIR,... --where "a card, PyTorch N"
+        # ship files of `model_train` that another machine trained by the recipe on these data sets
 
 Trainings are cached and resumable. Figures of the cards are written by benchmarks/shipped/score.py, out of the shipped files.
 """
@@ -15,7 +17,7 @@ import json
 import re
 import subprocess
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -38,6 +40,8 @@ from schemas.files import FileTree
 
 FRONT = re.compile(r"\A---\n.*?\n---\n+", re.S)
 """front matter of a card for a hub"""
+ELSEWHERE = ("device", "devices", "parallel", "workers", "backbones", "threshold", "calibration", "temperature")
+"""what a machine decides, or a training sets at its end"""
 CYCLES = "still_render.backend=cycles"
 BESIDE, SHIPPED = ("previews/", "tensorboard/"), (".json", ".safetensors")
 MAX_TOTAL_BYTES = 30_000_000
@@ -92,6 +96,30 @@ def made(name: str, recipe: Recipe, runner: Runner) -> tuple[FileTree, dict[str,
     return files, facts
 
 
+def trained_elsewhere(recipe: Recipe, folder: Path, data: list[Path], where: str) -> tuple[FileTree, dict[str, Any]]:
+    """Files of a training on another machine, and the facts of its record. SystemExit where it is not that of the recipe."""
+    from stages.twohands.model_train import training_job
+
+    stills, files = joined([tree("stills", one) for one in data]), tree("model", folder)
+    graph = recipe.graph(file_digest, stills)
+    asked, text = training_job(graph.stages()[-1].params), (folder / CARD).read_text(encoding="utf-8")
+    done = json.loads(text.partition("```json\n")[2].partition("```")[0])
+    for name in ("plan", "config"):
+        done[name] = {key: value for key, value in done[name].items() if key not in ELSEWHERE}
+    wanted = {name: {key: value for key, value in asdict(getattr(asked, name)).items() if key not in ELSEWHERE}
+              for name in ("plan", "config", "views")}  # fmt: skip
+    differ = sorted(key for name, fields in wanted.items() for key, value in fields.items()
+                    if json.dumps(value) != json.dumps(done[name].get(key)))  # fmt: skip
+    if differ:
+        raise SystemExit(f"{folder}: expected a training by the recipe, got other values of {', '.join(differ)}")
+    sets = [*recipe.sets, *(one for some in recipe.stills for one in some if "photographs" not in one)]
+    facts = {"command": "PYTHONPATH=. python benchmarks/shipped/ship.py twohands --trained DIR --data DIR,...", "commit": head(),
+             "sets": sets, "stages": all_codes(recipe, file_digest), "where": where, "seed": 0,
+             "output": next(file.digest for file in files.files if file.name.endswith(".safetensors")),
+             "keys": {file.name: file.digest for file in stills.files if file.name.endswith(".parquet")}}  # fmt: skip
+    return files, facts
+
+
 def card(recipe: Recipe, facts: dict[str, Any], trained: str) -> str:
     """Write the card of a model; `trained` is the one that the training wrote."""
     learned = FRONT.sub("", trained).partition("\n")[2].replace("\n## ", "\n### ").strip()
@@ -101,7 +129,7 @@ def card(recipe: Recipe, facts: dict[str, Any], trained: str) -> str:
         "**Licence** of the weights: Apache-2.0. Floats are half floats.",
         f"**Made** by `{facts['command']}` at commit `{facts['commit']}`, seed {facts['seed']}, "
         f"{'with ' + ', '.join(f'`{one}`' for one in sets) if sets else 'with the default parameters'}; "
-        f"output `{facts['output'][:16]}`.",
+        f"output `{facts['output'][:16]}`{', trained on ' + facts['where'] if 'where' in facts else ''}.",
         *(("## Training", learned) if learned else ()), "## Figures"))  # fmt: skip
 
 
@@ -133,9 +161,8 @@ def halved(tensor: Tensor) -> Tensor:
     return half
 
 
-def write(name: str, runner: Runner, recipe: Recipe) -> int:
-    """Train and ship one model; the size of its folder in bytes."""
-    tree, facts = made(name, recipe, runner)
+def write(name: str, recipe: Recipe, tree: FileTree, facts: dict[str, Any]) -> int:
+    """Ship the files of a training; the size of the model's folder in bytes."""
     with TemporaryDirectory() as scratch:
         for file in tree.files:
             if not file.name.startswith(f"{recipe.inside}/" if recipe.inside else "") or file.name.startswith(BESIDE):
@@ -186,6 +213,9 @@ def main() -> None:
     parser.add_argument("--photographs", type=lambda text: Path(text).absolute(), help="photographs of surfaces, for twohands")
     parser.add_argument("--check", action="store_true")
     parser.add_argument("--calibrate", type=lambda text: [Path(one) for one in text.split(",")])
+    parser.add_argument("--trained", type=Path)
+    parser.add_argument("--data", type=lambda text: [Path(one) for one in text.split(",")], default=[])
+    parser.add_argument("--where", default="another machine")
     parser.add_argument("--jobs", type=int)
     args = parser.parse_args()
     names = args.names or list(RECIPES)
@@ -198,13 +228,18 @@ def main() -> None:
     if args.calibrate:
         calibrate(RECIPES["twohands"], args.calibrate)
         return
+    if args.trained:
+        files, facts = trained_elsewhere(RECIPES["twohands"], args.trained, args.data, args.where)
+        print(f"twohands: {write('twohands', RECIPES['twohands'], files, facts) / 1e6:.1f} MB")
+        return
     runner = open_runner(args.store, jobs=args.jobs)
     for name in names:
         recipe = RECIPES[name]
         if name == "twohands" and args.photographs:
             shown = f"still_render.photographs={args.photographs}"
             recipe = replace(recipe, stills=tuple((*sets, shown) if CYCLES in sets else sets for sets in recipe.stills))
-        print(f"{name}: {write(name, runner, recipe) / 1e6:.1f} MB", flush=True)
+        made_files = made(name, recipe, runner)
+        print(f"{name}: {write(name, recipe, *made_files) / 1e6:.1f} MB", flush=True)
     total = sum(path.stat().st_size for path in FOLDER.rglob("*") if path.is_file())
     if total > MAX_TOTAL_BYTES:
         raise SystemExit(f"weights/ has {total / 1e6:.1f} MB, more than {MAX_TOTAL_BYTES / 1e6:.0f}")

@@ -54,6 +54,8 @@ class Params(Optimisation):
     """training target: affordance, or object (the complete object of each hand)"""
     backbones: str = ""
     """clip, vlm: folder of pretrained parts or a hub id, tiny random ones without; lite: that of set-up without"""
+    start: str = ""
+    """small, lite: folder of a trained model of the same sizes, such as weights/twohands, from whose weights the training begins"""
     height_px: int = 128
     """height of the model's input"""
     width_px: int = 160
@@ -124,12 +126,12 @@ CODE = {"loss_mode": "code", "mask_loss": "bce", "lr": 1e-3}
 
 
 def run(dataset: FileTree, params: Params, ctx: Context, recipe: Recipe | None = None,
-        weights: FileTree | None = None) -> Trained:  # fmt: skip
+        weights: FileTree | None = None, start: FileTree | None = None) -> Trained:  # fmt: skip
     """Train the model."""
     from afford.models.weights import with_local_weights
     from afford.training.train import train_job
 
-    job = training_job(with_local_weights(params, weights, "backbones"), recipe)
+    job = training_job(with_local_weights(with_local_weights(params, weights, "backbones"), start, "start"), recipe)
     threads = 1 if job.config.variant == "vlm" and not job.config.backbones else THREADS  # its layers are too small for two
     return train_job(job, dataset, recipe.name if recipe else params.variant, ctx, threads, params.devices)
 
@@ -158,6 +160,8 @@ def training_job(p: Params, recipe: Recipe | None = None) -> TwoHandsJob:
     if p.frozen_dtype not in allowed:
         raise ValueError(f"model_train.frozen_dtype: expected {', '.join(allowed)} for variant {p.variant}, got {p.frozen_dtype!r}")
     light = p.variant in LIGHT
+    if p.start and not light:
+        raise ValueError(f"model_train.start: expected none for variant {p.variant}, which begins from backbones, got {p.start!r}")
     return TwoHandsJob(
         config=ModelConfig(variant=p.variant, hypotheses=p.hypotheses, text=p.text, decoders=p.decoders, backbones=p.backbones,
                            size_px=(p.height_px, p.width_px if light else p.height_px), frozen=bool(p.backbones),
@@ -171,7 +175,7 @@ def training_job(p: Params, recipe: Recipe | None = None) -> TwoHandsJob:
                     colour_share=p.colour_share, residue_share=p.residue_share),
         coarse_share=p.coarse_share if light else 0.0,
         batch=p.batch, balance=p.balance, val_samples=p.val_samples, zoom=p.zoom, target=p.target, seed=p.seed,
-        checkpointing=p.checkpointing and p.variant == "vlm", frozen_dtype=p.frozen_dtype)  # fmt: skip
+        checkpointing=p.checkpointing and p.variant == "vlm", frozen_dtype=p.frozen_dtype, start=p.start)  # fmt: skip
 
 
 def _parallel(p: Params, light: bool) -> int:

@@ -11,6 +11,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 import torch
+from safetensors.torch import load_file
 
 from afford.models.weights import weight_files, with_local_weights
 from afford.recording.check_file import check_file
@@ -63,6 +64,25 @@ def test_a_resumed_training_gives_equal_files(dataset: FileTree, trained: Traine
     with pytest.raises(KeyboardInterrupt):
         model_train.run(dataset, PARAMS, Killed(tmp_path))
     assert refs(model_train.run(dataset, PARAMS, Scratch(tmp_path)).files) == refs(trained.files)
+
+
+def _words(trained: Trained) -> str:
+    return next(file.path.read_text() for file in trained.files.under("model") if file.name.endswith("words.json"))
+
+
+def test_a_training_begins_from_a_trained_model(dataset: FileTree, trained: Trained, tmp_path: Path) -> None:
+    """Without a rate, weights stay those of the model that it began from; another size is refused; other variants have no start."""
+    model = FileTree("begun", trained.files.files)
+    still = replace(PARAMS, steps=2, validate_every=2, lr=0.0, weight_decay=0.0, seed=8)
+    found = model_train.run(dataset, still, Scratch(tmp_path / "a"), start=model)
+    before, after = (load_file(tree.under("model")[1].path) for tree in (trained.files, found.files))
+    drawn = {name for name in before if not torch.equal(before[name], after[name])}
+    assert not {name for name in drawn if "running" not in name and "num_batches" not in name}
+    assert json.loads(_words(found)) == json.loads(_words(trained))
+    with pytest.raises(ValueError, match="set the sizes of the training to those"):
+        model_train.run(dataset, replace(still, hypotheses=3), Scratch(tmp_path / "b"), start=model)
+    with pytest.raises(ValueError, match=r"model_train\.start: expected none for variant clip"):
+        model_train.training_job(replace(model_train.CLIP, start="somewhere"))
 
 
 def test_the_saved_model_predicts(trained: Trained, tmp_path: Path) -> None:

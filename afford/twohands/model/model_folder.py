@@ -8,7 +8,7 @@ from __future__ import annotations
 import dataclasses
 import json
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from pathlib import Path
 
 from blake3 import blake3
@@ -103,6 +103,10 @@ class Vocabulary:
     things: tuple[str, ...]
     words: tuple[str, ...]
     """all words of the tasks, in lower case"""
+
+    def joined(self, other: Vocabulary) -> Vocabulary:
+        """Vocabulary with the words of both."""
+        return Vocabulary(*(tuple(sorted({*mine, *more})) for mine, more in zip(astuple(self), astuple(other), strict=True)))
 
     def unknown(self, task: str) -> list[str]:
         """Words of a task that the vocabulary does not contain, without fillers, in the order of the task."""

@@ -14,7 +14,7 @@ from torch import nn
 
 from afford.common.registry import load
 from afford.dataset.load import Item
-from afford.models.loading import dtype_of
+from afford.models.loading import dtype_of, fill_weights
 from afford.training.curves import scores_at_best, scores_table
 from afford.training.job import Dataset
 from afford.training.params import Plan
@@ -24,7 +24,14 @@ from afford.twohands.model.calibration import calibrated
 from afford.twohands.model.frozen_weights import store_frozen
 from afford.twohands.model.interface import ModelConfig, TwoHands, build
 from afford.twohands.model.losses import LossParams
-from afford.twohands.model.model_folder import save_model, vocabulary_of, write_vocabulary
+from afford.twohands.model.model_folder import (
+    load_model,
+    locate_files,
+    read_vocabulary,
+    save_model,
+    vocabulary_of,
+    write_vocabulary,
+)
 from afford.twohands.train.augment import Augmentation, AugmentedSample, benchmark_crop, uncropped
 from afford.twohands.train.sample_stream import SampleStream, label_rows, write_samples
 from afford.twohands.train.samples import Split
@@ -149,6 +156,8 @@ class TwoHandsJob:
     """vlm: compute activations again in the backward pass"""
     frozen_dtype: str = FULL
     """vlm: type in which weights that are not trained are kept"""
+    start: str = ""
+    """folder of the trained model from whose weights the training begins, '' for none"""
 
     def prepare(self, data: Mapping[str, Path], scratch: Path) -> None:
         """List the samples of both splits; they are decoded when they are needed. ValueError for a split without samples."""
@@ -169,6 +178,9 @@ class TwoHandsJob:
         batches = Batches(samples, sampler, self.views, input_size, self.batch, self.seed, coarse)
         validation = validation_batches(self.validation_samples(SampleStream(scratch / "val")), input_size, self.batch)
         model = build(self.config, self.seed, as_stored=self.frozen_dtype != FULL)
+        if self.start:
+            begun = load_model(Path(self.start))
+            fill_weights(model, begun.state_dict(), self.start, "set the sizes of the training to those of its config.json")
         if self.frozen_dtype != FULL:
             store_frozen(model, dtype_of(self.frozen_dtype))
         if self.checkpointing:
@@ -191,7 +203,9 @@ class TwoHandsJob:
         """Write the model and words.json, the vocabulary of the training split."""
         save_model(_own(model), folder)
         rows = label_rows(SampleStream(scratch / "train"), "narration", "verb", "noun")
-        write_vocabulary(vocabulary_of((task, verb, noun) for task, verb, noun in rows), folder)
+        known = read_vocabulary(locate_files(Path(self.start))) if self.start else None
+        found = vocabulary_of((task, verb, noun) for task, verb, noun in rows)
+        write_vocabulary(found.joined(known) if known else found, folder)
 
     def card(self, name: str, dataset: Dataset, scratch: Path, model: nn.Module, curves: TrainingLog) -> str:
         """Return the model card, Markdown."""
@@ -201,6 +215,7 @@ class TwoHandsJob:
         fields["config"]["backbones"] = Path(self.config.backbones).name  # its folder is a matter of the machine
         if self.frozen_dtype == FULL:
             del fields["frozen_dtype"]  # cards of most models keep the bytes that they had before this field
+        fields["start"] = Path(self.start).name
         return card_text(name, source, fields, _own(model).config.threshold, count, curves)
 
     def to_json(self) -> str:
