@@ -16,15 +16,23 @@ from afford.grasping.env.arrays import NUMPY, Arrays
 from afford.grasping.env.device_arrays import DeviceArrays
 from afford.grasping.env.env import AffordanceGraspVector
 from afford.grasping.env.flight_recorder import FlightRecorder
+from afford.grasping.env.grasp_worlds import GraspWorlds
 from afford.grasping.env.gym_env import PPOEnvAdapter
 from afford.grasping.env.measures import measure
 from afford.grasping.env.obs_blocks import LAYOUTS, ROLES, Snapshot, obs_blocks, observe
 from afford.grasping.env.reward import REWARDS, reward_weights, rewards
+from afford.grasping.policies.depth_cameras import CameraRig
+from afford.grasping.policies.load_policy import load_policy
+from afford.grasping.policies.student import StudentSensors
+from afford.grasping.policies.student_obs import CloudSampling
+from afford.grasping.policies.train_student import DistillationEnv
 from afford.grasping.rl import ppo
 from afford.grasping.sim.engine import DivergedError
+from afford.grasping.sim.scene import Physics
 from tests.helpers.made_grasps import held_by_handle
 from tests.helpers.made_hands import shadow
 from tests.helpers.made_priors import rehearsing
+from tests.helpers.made_students import teacher
 
 WORLDS, STEPS = 3, 7
 TENSORS = DeviceArrays("cpu")
@@ -153,6 +161,25 @@ def test_imitation_in_tensors_is_that_in_arrays(reward: str) -> None:
         same(figure, reports[1][name])
     for made in pair:
         made.close()
+
+
+def test_a_student_observes_worlds_in_tensors(tmp_path: Path) -> None:
+    """The same point clouds, negative points and own numbers, and the same labels of the teacher."""
+    policy = load_policy(teacher(tmp_path), {})
+    config = replace(policy.config("mujoco", Physics(), "flat", 0.0), steps=STEPS, base="none")
+    found = []
+    for arrays in (NUMPY, TENSORS):
+        core = GraspWorlds(shadow(), (held_by_handle(),), config, FlightRecorder(tmp_path, "mujoco", 0), arrays)
+        sensors = StudentSensors(CameraRig(1, 32), CloudSampling(32), "tracked")
+        envs = DistillationEnv(core, policy.actor(core), sensors, FlightRecorder(tmp_path, "mujoco", 0))
+        seen = [*envs.begin(0)]
+        for _ in range(2):
+            seen += [envs.label(), *envs.step(np.full((1, 24), 0.2))]
+        found.append(seen)
+        core.close()
+    for one, other in zip(*found, strict=True):
+        assert isinstance(other, np.ndarray)
+        np.testing.assert_allclose(other, one, atol=1e-3)  # clouds have 16 bits
 
 
 def test_a_world_that_diverges_is_set_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -50,43 +50,43 @@ class TensorWorlds:
     """
 
     def __init__(self, batch: WorldBatch, arrays: DeviceArrays) -> None:
-        self._batch, self._arrays = batch, arrays
+        self.batch, self._arrays = batch, arrays
         self._device = batch if isinstance(batch, DeviceBatch) else None
 
     def single_world(self, k: int) -> World:
         """Return world k."""
-        return self._batch.single_world(k)
+        return self.batch.single_world(k)
 
     def reset(self, q: np.ndarray, body: np.ndarray, which: Sequence[int] | None = None) -> State:
         """Reset the worlds `which`, or all, to q (k, d) and body (k, 7)."""
-        return self._owned(self._batch.reset(q, body, which))
+        return self._owned(self.batch.reset(q, body, which))
 
     def step(self, u: Any, control_s: float) -> State:
         """Advance all worlds with commands u (n, m)."""
         if self._device is None:
-            return self._owned(self._batch.step(to_numpy(u), control_s))
+            return self._owned(self.batch.step(to_numpy(u), control_s))
         self._device.advance(u, control_s)
         return self.state()
 
     def push(self, force: np.ndarray, duration_s: float, which: Sequence[int] | None = None) -> None:
         """Push the objects of the worlds `which`, or of all, with force (k, 3)."""
-        self._batch.push(force, duration_s, which)
+        self.batch.push(force, duration_s, which)
 
     def state(self) -> State:
         """Return the current states."""
-        return self._owned(self._batch.state() if self._device is None else self._device.tensors())
+        return self._owned(self.batch.state() if self._device is None else self._device.tensors())
 
     def save(self) -> Any:
         """Return a token of all that the next step depends on."""
-        return self._batch.save()
+        return self.batch.save()
 
     def restore(self, token: Any) -> State:
         """Restore a token."""
-        return self._owned(self._batch.restore(token))
+        return self._owned(self.batch.restore(token))
 
     def close(self) -> None:
         """Release the engine; closing twice is allowed."""
-        self._batch.close()
+        self.batch.close()
 
     def _owned(self, state: State) -> State:
         return mapped(state, self._arrays.own)

@@ -150,7 +150,8 @@ class PPOEnvAdapter:
         """Apply actions (n, m) for one control step."""
         out = self.envs.advance(action)
         metrics = {f"reward/{name}": term.mean() for name, term in out.terms.items()}
-        return replace(out, reward=self.scale * out.reward, metrics=metrics | mean_report(out.report, to_numpy(out.done)))
+        ended = mean_report(out.report, to_numpy(out.done)) if out.report else {}
+        return replace(out, reward=self.scale * out.reward, metrics=metrics | ended)
 
 
 def mean_report(report: dict[str, np.ndarray], which: np.ndarray) -> dict[str, float]:
