@@ -16,13 +16,15 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+DYNAMIC = ()  # no module is imported here: `namespace` finds the one that an array or tensor comes from
+
 Record = TypeVar("Record")
 """dataclass with arrays among its fields"""
 
 
 def namespace(x: Any) -> Any:
     """Return the module, numpy or torch, whose functions compute on `x`."""
-    return sys.modules[type(x).__module__.partition(".")[0]]
+    return np if isinstance(x, np.ndarray | np.generic) else sys.modules[type(x).__module__.partition(".")[0]]
 
 
 def to_numpy(x: Any) -> Any:

@@ -79,14 +79,14 @@ def random_snapshot(now: Snapshot, rng: np.random.Generator) -> Snapshot:
 
 
 def in_tensors(now: Snapshot) -> Snapshot:
-    """Convert a snapshot; its measurements are computed anew."""
+    """Convert a snapshot, with measurements that are computed from its tensors."""
     parts: Mapping[str, Any] = {name: mapped(getattr(now, name), TENSORS.own) for name in ("scenery", "episode", "state")}
     out = mapped(replace(now, **parts), TENSORS.own)
     return replace(out, measures=measure(out.scenery, out.episode, out.state, out.action))
 
 
 def test_random_states_have_the_same_observations_and_rewards() -> None:
-    """All layouts, roles and reward sets, in states that no simulation reaches."""
+    """Compare layouts, roles and reward sets in states that no simulation reaches."""
     made, rng = vector(NUMPY), np.random.default_rng(0)
     made.reset(seed=0)
     now = made.core.snapshot()
@@ -100,7 +100,7 @@ def test_random_states_have_the_same_observations_and_rewards() -> None:
                                     {"action_mode": "paper", "layout": "paper", "reward": "unidexgrasp++"},
                                     {"base": "none", "randomise": True, "push_n": 3.0, "layout": "points"}])  # fmt: skip
 def test_episodes_in_tensors_are_those_in_arrays(config: dict[str, Any]) -> None:
-    """Observations, rewards, ends, reports and resets of two episodes with the same actions, and a return to a saved state."""
+    """Compare observations, rewards, ends, reports and resets with the same actions, and a return to a saved state."""
     pair, rng = [vector(NUMPY, **config), vector(TENSORS, **config)], np.random.default_rng(1)
     same(*(made.reset(seed=3)[0] for made in pair))
     for step in range(STEPS + 2):
@@ -141,7 +141,7 @@ def test_a_rollout_in_tensors_is_that_in_arrays() -> None:
 
 @pytest.mark.parametrize("reward", ["paper", "code"])
 def test_imitation_in_tensors_is_that_in_arrays(reward: str) -> None:
-    """The expert's actions, observations, rewards, failures and reports of episodes that follow clips."""
+    """Compare the expert's actions, observations, rewards, failures and reports of episodes that follow clips."""
     pair = [rehearsing(arrays, reward=reward, steps=20, shift_m=0.03, tolerance_m=0.02) for arrays in (NUMPY, TENSORS)]
     rngs = [np.random.default_rng(k) for k in range(2)]
     for made in pair:
@@ -164,7 +164,7 @@ def test_imitation_in_tensors_is_that_in_arrays(reward: str) -> None:
 
 
 def test_a_student_observes_worlds_in_tensors(tmp_path: Path) -> None:
-    """The same point clouds, negative points and own numbers, and the same labels of the teacher."""
+    """Compare point clouds, negative points, own numbers, and the labels of the teacher."""
     policy = load_policy(teacher(tmp_path), {})
     config = replace(policy.config("mujoco", Physics(), "flat", 0.0), steps=STEPS, base="none")
     found = []
@@ -183,7 +183,7 @@ def test_a_student_observes_worlds_in_tensors(tmp_path: Path) -> None:
 
 
 def test_a_world_that_diverges_is_set_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Only its episode is terminated, its file is written, and observations stay finite; without a recorder it is an error."""
+    """Its episode alone is terminated, its file is written, and observations stay finite; without a recorder it is an error."""
     recorder = FlightRecorder(tmp_path, "mujoco", 0)
     for kept in (recorder, None):
         made = AffordanceGraspVector(WORLDS, shadow(), (held_by_handle(),), kept, TENSORS)

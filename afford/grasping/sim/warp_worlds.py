@@ -124,7 +124,7 @@ class WarpWorlds:
         for group, numbers in zip(self._groups, token.numbers, strict=True):
             group.restore(numbers)
         self._force, self._left = token.force.copy(), token.left.copy()
-        self._state = mapped(token.state, lambda x: like(x, self._state.q).clone())
+        self._state = mapped(token.state, lambda x: like(x, self._state.q))
         return self.state()
 
     def close(self) -> None:
