@@ -12,15 +12,17 @@ import pytest
 import torch
 
 from afford.common.arrays import mapped, to_numpy
+from afford.grasping.env import actions
 from afford.grasping.env.arrays import NUMPY, Arrays
 from afford.grasping.env.device_arrays import DeviceArrays
 from afford.grasping.env.env import AffordanceGraspVector
-from afford.grasping.env.flight_recorder import FlightRecorder
+from afford.grasping.env.flight_recorder import FlightRecorder, diverged
 from afford.grasping.env.grasp_worlds import GraspWorlds
 from afford.grasping.env.gym_env import PPOEnvAdapter
-from afford.grasping.env.measures import measure
+from afford.grasping.env.measures import EpisodeLog, measure
 from afford.grasping.env.obs_blocks import LAYOUTS, ROLES, Snapshot, obs_blocks, observe
 from afford.grasping.env.reward import REWARDS, reward_weights, rewards
+from afford.grasping.imitation.tracking import FIELDS, ReferenceClips, Tracker, imitation_rewards, tracking_failed
 from afford.grasping.policies.depth_cameras import CameraRig
 from afford.grasping.policies.load_policy import load_policy
 from afford.grasping.policies.student import StudentSensors
@@ -31,7 +33,7 @@ from afford.grasping.sim.engine import DivergedError
 from afford.grasping.sim.scene import Physics
 from tests.helpers.made_grasps import held_by_handle
 from tests.helpers.made_hands import shadow
-from tests.helpers.made_priors import rehearsing
+from tests.helpers.made_priors import reference_set, rehearsing
 from tests.helpers.made_students import teacher
 
 WORLDS, STEPS = 3, 7
@@ -78,10 +80,10 @@ def random_snapshot(now: Snapshot, rng: np.random.Generator) -> Snapshot:
     return replace(now, state=state, measures=measure(now.scenery, now.episode, state, now.action))
 
 
-def in_tensors(now: Snapshot) -> Snapshot:
+def in_tensors(now: Snapshot, arrays: DeviceArrays = TENSORS) -> Snapshot:
     """Convert a snapshot, with measurements that are computed from its tensors."""
-    parts: Mapping[str, Any] = {name: mapped(getattr(now, name), TENSORS.own) for name in ("scenery", "episode", "state")}
-    out = mapped(replace(now, **parts), TENSORS.own)
+    parts: Mapping[str, Any] = {name: mapped(getattr(now, name), arrays.own) for name in ("scenery", "episode", "state")}
+    out = mapped(replace(now, **parts), arrays.own)
     return replace(out, measures=measure(out.scenery, out.episode, out.state, out.action))
 
 
@@ -94,6 +96,28 @@ def test_random_states_have_the_same_observations_and_rewards() -> None:
     for _ in range(5):
         random = random_snapshot(now, rng)
         compare_all(random, in_tensors(random))
+
+
+def test_nothing_waits_for_the_device() -> None:
+    """On the device meta, which has no numbers, every read of a number fails, and every use of an array on another device."""
+    made, meta = vector(NUMPY), DeviceArrays("meta")
+    made.reset(seed=0)
+    core = made.core
+    now, u = in_tensors(core.snapshot(), meta), meta.own(core.sent)
+    rates, limits, wrenches = (meta.own(x) for x in (core.rates, core._limits, actions.wrench_table(core._limits)))
+    made.close()
+    yaw, log = now.episode.yaw, EpisodeLog(WORLDS, STEPS, meta.own)
+    log.record(now.measures, meta.own(np.zeros(WORLDS, int)))
+    found = [diverged(now.state), log.depth_m, *actions.rate_command(u, actions.moved(rates, now.offset, u), yaw, limits),
+             actions.wrench_command(u, now.state.q[:, :6], yaw, limits) / wrenches[:, 0]]  # fmt: skip
+    found += [observe(obs_blocks(layout, "teacher"), now) for layout in LAYOUTS]
+    found += [term for name in REWARDS for term in rewards(reward_weights(name), now.measures).values()]
+    hand, clips = shadow(), reference_set().references
+    table, clip = ReferenceClips(hand, clips, meta.own), meta.own(np.zeros(WORLDS, int))
+    tracking = Tracker(hand, meta.own).compare(now.state, {name: table.at(name, clip, clip) for name in FIELDS})
+    found += [tracking_failed(tracking, 0.1, now.phase)]
+    found += [term for name in ("code", "paper") for term in imitation_rewards(name, tracking).values()]
+    assert {one.device.type for one in found} == {"meta"}
 
 
 @pytest.mark.parametrize("config", [{"base": "none", "layout": "small", "reward": "dense"},
