@@ -98,8 +98,8 @@ def test_random_states_have_the_same_observations_and_rewards() -> None:
         compare_all(random, in_tensors(random))
 
 
-def test_nothing_waits_for_the_device() -> None:
-    """On the device meta, which has no numbers, every read of a number fails, and every use of an array on another device."""
+def test_a_control_step_reads_no_number_of_the_device() -> None:
+    """Compute on the device meta, which has no numbers and refuses arrays of other devices."""
     made, meta = vector(NUMPY), DeviceArrays("meta")
     made.reset(seed=0)
     core = made.core
