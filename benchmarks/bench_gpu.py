@@ -329,12 +329,12 @@ def of_warp(worlds: int) -> str:
 
 
 @torch.no_grad()
-def controlled(core: Any, model: nn.Module, rngs: list[np.random.Generator]) -> None:
+def controlled(core: Any, model: Any, rngs: list[np.random.Generator]) -> None:
     """Observe, act and step once, in the library of the worlds."""
     from afford.common.arrays import like
 
     obs = core.observe()
-    core.step(like(model.actions(torch.as_tensor(obs, device="cuda")).mean, obs), rngs)
+    core.step(like(model.actions(torch.as_tensor(obs, device=model.device)).mean, obs), rngs)
 
 
 def advance(worlds: Any) -> None:
