@@ -21,6 +21,7 @@ import torch
 
 from afford.common.registry import extra
 from afford.grasping.env.config import GraspEnvConfig
+from afford.grasping.env.device_arrays import arrays_of
 from afford.grasping.env.env import AffordanceGraspVector
 from afford.grasping.env.grasp_worlds import GraspWorlds
 from afford.grasping.env.gym_env import PPOEnvAdapter
@@ -142,7 +143,8 @@ def _rollouts(core: GraspWorlds, n: int, solver: SolverClock) -> tuple[float, fl
 
 def learning(hand: HandModel, tasks: list[Task], setting: Setting) -> float:
     """Return the control steps per CPU second of PPO with updates, without the first update; per second on a GPU."""
-    envs = AffordanceGraspVector(setting.worlds, hand, tasks, **vars(setting.config()))
+    arrays = arrays_of(setting.engine, setting.device)
+    envs = AffordanceGraspVector(setting.worlds, hand, tasks, None, arrays, **vars(setting.config()))
     config, clock = ppo.PPOConfig(updates=2), list[float]()
     now = time.perf_counter if setting.device == "cuda" else _cpu_s
     model = new_teacher(TeacherTrainingConfig(0, setting.worlds, "small", 0.5, 0.5, config), envs.core.width, envs.core.motors)

@@ -270,38 +270,77 @@ def sor3d(args: argparse.Namespace) -> Figures:
 
 
 def warp(args: argparse.Namespace) -> Figures:
-    """The Shadow hand and a tool in mujoco-warp, observed; 252,938 FPS are published for 8,192 worlds on one L40.
+    """PPO that learns with the Shadow hand and a tool in mujoco-warp; 252,938 FPS are published for 8,192 worlds on one L40.
 
-    A control step is 1/20 s of one world, a physics step 1/240 s.
+    A control step is 1/20 s of one world.
     """
-    from afford.grasping.env.grasp_worlds import GraspWorlds
-    from afford.grasping.hand.assets import shadow_files
-    from benchmarks.bench_engines import Setting, learning
-    from benchmarks.bench_grasp_env import TOOLS, tool
-    from stages.grasping import hand_model
+    from benchmarks.bench_engines import learning
 
-    hand, task, out = hand_model.run(shadow_files(), hand_model.Params()), tool(next(iter(TOOLS))), Figures()
+    out = Figures()
     for worlds in (4096, 8192):
-        setting = Setting("warp", 50, 1, worlds, "cuda")
-        core = GraspWorlds(hand, [task] * worlds, setting.config())
-        rngs = [np.random.default_rng(k) for k in range(worlds)]
-        core.reset(range(worlds), rngs)
-        action = np.zeros((worlds, core.motors))
-        solver = seconds(partial(advance, core.worlds), 10)
-        took = seconds(lambda core=core, action=action, rngs=rngs: (core.step(action, rngs), core.observe()), 10)
-        core.close()
-        name = f"mujoco-warp, Shadow hand and a tool, {worlds:,} worlds"
-        out |= {f"{name}: physics steps": f"{12 * worlds / solver:,.0f} a second in the solver, {12 * worlds / took:,.0f} in all",
-                f"{name}: control steps": f"{worlds / took:,.0f} a second",
-                f"{name}: control steps, PPO learning": f"{learning(hand, [task], setting):,.0f} a second"}  # fmt: skip
+        hand, task, setting = scene(worlds)
+        out[f"{of_warp(worlds)}: control steps, PPO learning"] = f"{learning(hand, [task], setting):,.0f} a second"
         print(out, flush=True)
     return out
 
 
+def control(args: argparse.Namespace) -> Figures:
+    """Control steps of 4,096 worlds in mujoco-warp with observation, reward and policy: in numpy on the CPU, and on the device.
+
+    A control step is 1/20 s of one world, a physics step 1/240 s. The reset of all worlds is measured apart. The policy is a small
+    untrained network.
+    """
+    from afford.grasping.env.arrays import NUMPY
+    from afford.grasping.env.device_arrays import DeviceArrays
+    from afford.grasping.env.grasp_worlds import GraspWorlds
+    from afford.grasping.rl.ppo import ActorCritic, PolicyConfig
+
+    worlds, out = 4096, Figures()
+    hand, task, setting = scene(worlds)
+    rngs = [np.random.default_rng(k) for k in range(worlds)]
+    for name, arrays in (("in numpy", NUMPY), ("on the device", DeviceArrays("cuda"))):
+        core = GraspWorlds(hand, [task] * worlds, setting.config(), arrays=arrays)
+        model = ActorCritic(PolicyConfig(core.width, core.motors)).cuda()
+        began = time.perf_counter()
+        core.reset(range(worlds), rngs)
+        reset_s, took_s = time.perf_counter() - began, seconds(partial(controlled, core, model, rngs), 10)
+        solver_s = seconds(partial(advance, core.worlds), 10)
+        core.close()
+        out[f"{of_warp(worlds)}: control steps with observation, reward and policy, {name}"] = (
+            f"{worlds / took_s:,.0f} a second; {100 * solver_s / took_s:.0f} % in the solver; reset of all {reset_s:.1f} s")
+        print(out, flush=True)
+    out[f"{of_warp(worlds)}: physics steps in the solver"] = f"{12 * worlds / solver_s:,.0f} a second"
+    return out
+
+
+def scene(worlds: int) -> tuple[Any, Any, Any]:
+    """Hand, task and setting of worlds in mujoco-warp on the GPU."""
+    from afford.grasping.hand.assets import shadow_files
+    from benchmarks.bench_engines import Setting
+    from benchmarks.bench_grasp_env import TOOLS, tool
+    from stages.grasping import hand_model
+
+    return hand_model.run(shadow_files(), hand_model.Params()), tool(next(iter(TOOLS))), Setting("warp", 50, 1, worlds, "cuda")
+
+
+def of_warp(worlds: int) -> str:
+    """Name of the figures of worlds in mujoco-warp."""
+    return f"mujoco-warp, Shadow hand and a tool, {worlds:,} worlds"
+
+
+@torch.no_grad()
+def controlled(core: Any, model: Any, rngs: list[np.random.Generator]) -> None:
+    """Observe, act and step once, in the library of the worlds."""
+    from afford.common.arrays import like
+
+    obs = core.observe()
+    core.step(like(model.actions(torch.as_tensor(obs, device=model.device)).mean, obs), rngs)
+
+
 def advance(worlds: Any) -> None:
     """Run the solver for a control step."""
-    for group in worlds._groups:
-        with group._warp.ScopedDevice(group._device):
+    for group in getattr(worlds, "batch", worlds)._groups:
+        with group._computing():
             group._advance(12)
 
 
@@ -344,7 +383,8 @@ PARTS: dict[str, tuple[Callable[[argparse.Namespace], Figures], tuple[str, ...]]
     "sam2": (sam2, ("transformers",)), "vidm": (vidm, ("diffusers",)), "vlm-7b": (vlm("7b"), ("transformers", "peft")),
     "vlm-13b": (vlm("13b"), ("transformers", "peft")), "lora": (lora, ("peft",)),
     "frozen": (frozen, ("peft",)), "memory": (memory, ("transformers", "peft")), "sor3d": (sor3d, ()),
-    "warp": (warp, ("mujoco", "mujoco_warp", "warp")), "decode": (decode, ("pyarrow",))}  # fmt: skip
+    "warp": (warp, ("mujoco", "mujoco_warp", "warp")), "control": (control, ("mujoco", "mujoco_warp", "warp")),
+    "decode": (decode, ("pyarrow",))}  # fmt: skip
 """part -> measurement, packages that it needs"""
 
 

@@ -85,6 +85,7 @@ class Params:
 def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], teacher: FileTree, params: Params, ctx: Context) -> Trained:
     """Train the student in the scratch folder, from which a training that was killed resumes."""
     from afford.common.files import tree
+    from afford.grasping.env.device_arrays import arrays_of
     from afford.grasping.env.flight_recorder import FlightRecorder
     from afford.grasping.env.grasp_worlds import GraspWorlds
     from afford.grasping.env.task import from_grasp_task
@@ -106,7 +107,7 @@ def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], teacher: File
         for network in filter(None, (policy.teacher, policy.prior)):
             network.to(device_of(params.device))
         chosen = [train_tasks[k % len(train_tasks)] for k in range(max(params.worlds, len(train_tasks)))]
-        core = GraspWorlds(hand, chosen, _env_config(params, policy), recorder)
+        core = GraspWorlds(hand, chosen, _env_config(params, policy), recorder, arrays_of(params.engine, params.device))
         try:
             envs = DistillationEnv(core, policy.actor(core), sensors, recorder)
             model, state = train_student(envs, params.size, _training_config(params), ctx.scratch, ctx.progress, params.device)

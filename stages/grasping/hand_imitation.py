@@ -103,6 +103,7 @@ def run(hand: HandModel, bodies: tuple[GraspObject, ...], targets: tuple[GraspTa
         params: Params, ctx: Context) -> Trained:  # fmt: skip
     """Train the prior in the scratch folder, from which a training that was killed resumes."""
     from afford.common.files import tree
+    from afford.grasping.env.device_arrays import arrays_of
     from afford.grasping.env.flight_recorder import FlightRecorder, export_records
     from afford.grasping.imitation.clip_filter import prior_data
     from afford.grasping.imitation.train_prior import export_prior, new_prior, train_prior
@@ -116,7 +117,7 @@ def run(hand: HandModel, bodies: tuple[GraspObject, ...], targets: tuple[GraspTa
     recorded = tuple(one.name for one in references.report.verdicts if one.name in shown and one.source != "synthetic")
     with deterministic(1, params.device.partition(":")[0]):  # the second thread computes worlds, so torch gets one
         data = prior_data(hand, bodies, targets, references.references, replace(_env_config(params), fixed=recorded), params.proofs,
-                          params.proof_engines, params.worlds, params.seed, recorder)
+                          params.proof_engines, params.worlds, params.seed, recorder, arrays_of(params.engine, params.device))
         model = new_prior(data.core, params.hidden, params.std, params.seed).to(device_of(params.device))
         points = [*data.points, *train_prior(data.core, model, _training_config(params), ctx.scratch, ctx.progress, recorder)]
         data.core.close()

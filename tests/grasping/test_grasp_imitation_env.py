@@ -160,7 +160,7 @@ def test_prior_begins_over_the_aim() -> None:
     made = rehearsing()
     posture = np.arange(24) / 100
     for yaw in (0.0, 0.7):
-        made.grasping.begin(0, targets()[0].object_pose, Aim(np.array([0.1, 0.2, 0.03]), yaw), tuple(posture))
+        made.grasping.begin([0], [targets()[0].object_pose], [Aim(np.array([0.1, 0.2, 0.03]), yaw)], [tuple(posture)])
         u = made.state().q[0][commanded_columns(shadow().joints)]
         wrist = Rotation.from_euler("z", yaw).apply(posture[:3]) + (0.1, 0.2, 0.03)
         assert u[:3] == pytest.approx(wrist)

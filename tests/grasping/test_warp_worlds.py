@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from afford.common.registry import extra
+from afford.grasping.env.arrays import NUMPY
+from afford.grasping.env.device_arrays import DeviceArrays
 from afford.grasping.env.env import AffordanceGraspVector
 from afford.grasping.env.task import make_task
 from afford.grasping.sim.engine import State
@@ -103,6 +105,27 @@ def test_pushes_resets_and_bad_commands() -> None:
         made.step(np.full((3, 24), np.nan), CONTROL_S)
     with pytest.raises(ValueError, match="device: expected cpu, cuda or cuda:N"):
         world_batch("warp", [scene()], device="tpu")
+
+
+@there
+@pytest.mark.slow
+def test_tensors_of_two_groups_are_the_arrays() -> None:
+    """Observations and rewards on the device are those of numpy for two objects, also after a reset of one world."""
+    tasks = [make_task(tool("spatula"), ["handle"]), make_task(tool(), ["shaft"])]
+    pair = [AffordanceGraspVector(3, shadow(), tasks, None, arrays, engine="warp", base="script", reward="dense")
+            for arrays in (NUMPY, DeviceArrays("cpu"))]  # fmt: skip
+    for made in pair:
+        made.reset(seed=0)
+    for step in range(16):
+        if step == 8:
+            for made in pair:
+                made.core.reset([1], [np.random.default_rng(k) for k in range(3)])
+        one, two = (made.advance(np.zeros((3, 24))) for made in pair)
+        np.testing.assert_allclose(two.obs.numpy(), one.obs, atol=1e-5)
+        np.testing.assert_allclose(two.reward.numpy(), one.reward, atol=1e-5)
+    assert pair[0].core.measures().force_held.any()
+    for made in pair:
+        made.close()
 
 
 @there

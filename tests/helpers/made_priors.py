@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cache
 from typing import Any
 
+from afford.grasping.env.arrays import NUMPY, Arrays
 from afford.grasping.env.task import make_task
 from afford.grasping.imitation.grasp_imitation_env import GraspImitationConfig, GraspImitationWorlds
 from maps.settings.grasping import FITTED, MOTION
@@ -31,7 +32,7 @@ def reference_set() -> ReferenceSet:
     return read_only(motion_report.run(tuple(clips), motion_report.Params()))
 
 
-def rehearsing(**config: Any) -> GraspImitationWorlds:
+def rehearsing(arrays: Arrays = NUMPY, **config: Any) -> GraspImitationWorlds:
     """A world of each tool."""
     return GraspImitationWorlds(shadow(), [make_task(tool(name)) for name in TOOLS], reference_set().references,
-                                GraspImitationConfig(**config))  # fmt: skip
+                                GraspImitationConfig(**config), arrays=arrays)  # fmt: skip

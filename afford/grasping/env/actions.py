@@ -21,6 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from afford.common.arrays import copied, namespace
 from afford.grasping.hand.kinematics import commanded_columns, coupling_matrix
 from afford.grasping.sim.scene import Scene
 from afford.grasping.sim.scripted import CLOSE, DESCEND, GRASP, HOLD, LIFT, LIFT_M, Aim, grasp_commands, start_joints
@@ -88,8 +89,8 @@ def towards(rates: np.ndarray, before: np.ndarray, after: np.ndarray, yaw: np.nd
 
 def turned(offset: np.ndarray, yaw: np.ndarray) -> np.ndarray:
     """(n, m) with x and y rotated about the vertical by yaw (n,)."""
-    out = offset.copy()
-    c, s = np.cos(yaw), np.sin(yaw)
+    xp, out = namespace(offset), copied(offset)
+    c, s = xp.cos(yaw), xp.sin(yaw)
     out[:, 0], out[:, 1] = c * offset[:, 0] - s * offset[:, 1], s * offset[:, 0] + c * offset[:, 1]
     return out
 
@@ -112,10 +113,11 @@ def wrench_command(action: np.ndarray, q_wrist: np.ndarray, yaw: np.ndarray, lim
 
     `yaw` (n,) is that of the frame of forces and torques.
     """
-    a = action.clip(-1, 1)
+    xp, a = namespace(action), action.clip(-1, 1)
     force, torque = turned(FORCE_N * a[:, :3], yaw), turned(TORQUE_NM * a[:, 3:6], yaw)
     middle, half = _middle(limits)
-    return np.concatenate([force, np.einsum("nki,ni->nk", hinges(q_wrist), torque), middle + half * a[:, 6:]], axis=1)
+    found: np.ndarray = xp.concatenate([force, xp.einsum("nki,ni->nk", hinges(q_wrist), torque), middle + half * a[:, 6:]], axis=1)
+    return found
 
 
 def hinges(q_wrist: np.ndarray) -> np.ndarray:
@@ -124,12 +126,13 @@ def hinges(q_wrist: np.ndarray) -> np.ndarray:
     A torque on the palm acts on a joint by its component along the joint's axis. A force on the palm's origin, which all three axes
     pass through, does not act on them.
     """
-    yaw, pitch = q_wrist[:, 3], q_wrist[:, 4]
-    zero, one = np.zeros_like(yaw), np.ones_like(yaw)
-    along_z = np.stack([zero, zero, one], axis=1)
-    along_y = np.stack([-np.sin(yaw), np.cos(yaw), zero], axis=1)
-    along_x = np.stack([np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch), -np.sin(pitch)], axis=1)
-    return np.stack([along_z, along_y, along_x], axis=1)
+    xp, yaw, pitch = namespace(q_wrist), q_wrist[:, 3], q_wrist[:, 4]
+    zero, one = xp.zeros_like(yaw), xp.ones_like(yaw)
+    along_z = xp.stack([zero, zero, one], axis=1)
+    along_y = xp.stack([-xp.sin(yaw), xp.cos(yaw), zero], axis=1)
+    along_x = xp.stack([xp.cos(yaw) * xp.cos(pitch), xp.sin(yaw) * xp.cos(pitch), -xp.sin(pitch)], axis=1)
+    found: np.ndarray = xp.stack([along_z, along_y, along_x], axis=1)
+    return found
 
 
 def _middle(limits: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

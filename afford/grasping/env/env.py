@@ -32,6 +32,7 @@ import gymnasium
 import numpy as np
 
 from afford.grasping.env import default
+from afford.grasping.env.arrays import NUMPY, Arrays
 from afford.grasping.env.config import GraspEnvConfig
 from afford.grasping.env.flight_recorder import FlightRecorder
 from afford.grasping.env.grasp_worlds import GraspWorlds
@@ -88,12 +89,13 @@ class AffordanceGraspVector(VectorEnv):
     """Grasping environment of n worlds; tasks are taken in turn. Keyword arguments are the fields of GraspEnvConfig."""
 
     def __init__(self, num_envs: int, hand: HandModel, tasks: Sequence[Task], recorder: FlightRecorder | None = None,
-                 **config: Any) -> None:  # fmt: skip
-        """Create the environments. ValueError without a task."""
+                 arrays: Arrays = NUMPY, **config: Any) -> None:  # fmt: skip
+        """Create the environments; with tensors as `arrays`, `advance` takes and returns tensors. ValueError without a task."""
         if not tasks or num_envs < 1:
             raise ValueError("AffordanceGraspVector: expected one or more tasks and one or more environments, got "
                              f"{len(tasks)} and {num_envs}")
-        self.core = GraspWorlds(hand, [tasks[k % len(tasks)] for k in range(num_envs)], GraspEnvConfig(**config), recorder)
+        self.core = GraspWorlds(hand, [tasks[k % len(tasks)] for k in range(num_envs)], GraspEnvConfig(**config), recorder,
+                               arrays)  # fmt: skip
         super().__init__(self.core, num_envs)
 
 

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from afford.common.arrays import namespace, to_numpy
 from afford.grasping.sim.engine import State
 
 FASTEST, OBJECT_M_S = 200.0, 50.0
@@ -62,15 +63,16 @@ class FlightRecorder:
         if path.exists() or len(list(self.folder.glob("*.npz"))) < MOST:
             self.folder.mkdir(parents=True, exist_ok=True)
             own = list(self._rows)[-(int(self._rows[-1]["step"][k]) + 1) :]  # without rows of the episode before
-            arrays: dict[str, Any] = {name: np.stack([row[name][k] for row in own]) for name in own[-1]}
+            arrays: dict[str, Any] = {name: np.stack([to_numpy(row[name][k]) for row in own]) for name in own[-1]}
             np.savez(path, world=k, seed=self.seed, part=self.part, task=task, engine=self.engine, **arrays)
 
 
 def diverged(state: State) -> np.ndarray:
     """(n,) bool, the state of a world is not finite, or faster than FASTEST or OBJECT_M_S."""
-    place = np.concatenate([state.q, state.body], axis=1)
-    speed = np.concatenate([state.qd / FASTEST, state.spin / FASTEST, state.velocity / OBJECT_M_S], axis=1)
-    found: np.ndarray = ~np.isfinite(place).all(axis=1) | ~(np.abs(speed) <= 1).all(axis=1)
+    xp = namespace(state.q)
+    place = xp.concatenate([state.q, state.body], axis=1)
+    speed = xp.concatenate([state.qd / FASTEST, state.spin / FASTEST, state.velocity / OBJECT_M_S], axis=1)
+    found: np.ndarray = ~xp.isfinite(place).all(axis=1) | ~(xp.abs(speed) <= 1).all(axis=1)
     return found
 
 

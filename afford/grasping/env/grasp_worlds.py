@@ -3,6 +3,10 @@
 Control runs at 20 steps per second, or 60 with action_mode=paper. An episode is terminated when the object is out of reach, or
 when the world diverged and a recorder keeps its last states, and truncated after `steps`. All randomness of an episode comes from
 the generator that its reset is given; differences between worlds come from `seed`.
+
+The same code computes with arrays of numpy, and with tensors on a device (arrays.py). Resets are computed by numpy on the CPU,
+world by world, and copied to the device together, since most episodes of a training begin together. A control step waits for the
+device once, to find worlds that diverged; pushes, which no training uses, wait as well.
 """
 
 from __future__ import annotations
@@ -13,7 +17,9 @@ from typing import Any
 
 import numpy as np
 
+from afford.common.arrays import copied, mapped, namespace, number, to_numpy
 from afford.grasping.env import actions
+from afford.grasping.env.arrays import NUMPY, Arrays
 from afford.grasping.env.config import GraspEnvConfig
 from afford.grasping.env.flight_recorder import FlightRecorder, diverged
 from afford.grasping.env.measures import EpisodeLog, Measures, measure
@@ -42,21 +48,25 @@ class GraspWorlds:
     """n worlds, each with its own task."""
 
     def __init__(self, hand: HandModel, tasks: Sequence[Task], config: GraspEnvConfig,
-                 recorder: FlightRecorder | None = None) -> None:  # fmt: skip
-        """Build the worlds. ValueError for an unknown layout, role, reward or engine."""
-        self.config, self.tasks, self._recorder = config, tuple(tasks), recorder
+                 recorder: FlightRecorder | None = None, arrays: Arrays = NUMPY) -> None:  # fmt: skip
+        """Build the worlds; `arrays` is the library of all arrays but those of resets and reports.
+
+        ValueError for an unknown layout, role, reward or engine.
+        """
+        self.config, self.tasks, self._recorder, self.arrays = config, tuple(tasks), recorder, arrays
         self.blocks, self.weights = obs_blocks(config.layout, config.role), reward_weights(config.reward, config.weights)
         self.scenes = [_scene(hand, one, config, k) for k, one in enumerate(self.tasks)]
         self.sensing = [_sensing(config, k) for k in range(len(self.tasks))]
-        self.scenery = build_scenery(hand, self.tasks)
-        self.worlds = world_batch(config.engine, self.scenes, config.threads, config.processes, config.device)
-        self._of_motor = commanded_columns(hand.joints)
-        self._limits = command_limits(hand.joints)
-        self.rates = (actions.wrench_table(self._limits) if config.action_mode == "paper"
-                      else actions.rate_table(actions.RATES[config.base], len(self._limits)))  # fmt: skip
+        self.scenery = mapped(build_scenery(hand, self.tasks), arrays.own)
+        self.worlds = arrays.worlds(world_batch(config.engine, self.scenes, config.threads, config.processes, config.device))
+        self._of_motor, self._rows = arrays.own(commanded_columns(hand.joints)), arrays.own(np.arange(len(self.tasks)))
+        limits, latency = command_limits(hand.joints), np.array([one.latency_steps for one in self.sensing])
+        self._limits, self._latency = arrays.own(limits), arrays.own(latency)
+        self.rates = arrays.own(actions.wrench_table(limits) if config.action_mode == "paper"
+                                else actions.rate_table(actions.RATES[config.base], len(limits)))  # fmt: skip
         self._resting: dict[Any, list[np.ndarray]] = {}
-        self._now = _EpisodeState(len(self.tasks), config.steps, len(self._limits), len(moving_joints(hand.joints)),
-                                  max(one.latency_steps for one in self.sensing))  # fmt: skip
+        self._now = _EpisodeState(len(self.tasks), config.steps, len(limits), len(moving_joints(hand.joints)), latency.max(),
+                                  arrays)  # fmt: skip
         self._state: State | None = None
         self._measured: Measures | None = None
 
@@ -76,26 +86,37 @@ class GraspWorlds:
         for k in which:
             poses.append(self._object_pose(k, rngs[k]))
             aims.append(self._aim(k, poses[-1], rngs[k]))
-        self._begin(which, poses, aims)
+        if len(which):
+            self.begin(which, poses, aims, [self.config.posture] * len(which))
 
-    def begin(self, k: int, pose: np.ndarray, aim: Aim, posture: Sequence[float]) -> None:
-        """Begin an episode of world k: the object at a pose (7,), the hand over an aim in a posture (m,) (actions.py)."""
-        self._begin([k], [pose], [aim], posture)
+    def begin(self, which: Sequence[int], poses: Sequence[np.ndarray], aims: Sequence[Aim],
+              postures: Sequence[Sequence[float]]) -> None:  # fmt: skip
+        """Begin episodes of worlds `which`: objects at poses (7,), hands over aims in postures (m,) (actions.py)."""
+        config, scenes, which = self.config, [self.scenes[k] for k in which], list(which)
+        q = [actions.initial_joints(*each) for each in zip(scenes, aims, postures, strict=True)]
+        origin = [centre(scene.body, pose) for scene, pose in zip(scenes, poses, strict=True)]
+        u = [hold_command(scene, joints) for scene, joints in zip(scenes, q, strict=True)]
+        base = [actions.base_targets(config.base, scene, aim, config.steps, config.lift_m, posture, config.wait)
+                for scene, aim, posture in zip(scenes, aims, postures, strict=True)]  # fmt: skip
+        self._now.begin(which, aims, np.stack(origin), config.lift_m, np.stack(u), np.stack(base))
+        self._now.start_q[which], self._now.start_pose[which] = q, poses
+        self.worlds.reset(np.stack(q), np.stack(poses), which)
+        self._state, self._measured = self.worlds.state(), None
 
     def step(self, action: np.ndarray, rngs: Sequence[np.random.Generator]) -> StepResult:
         """Apply actions (n, m) for one control step. Worlds whose episode has ended continue until their reset.
 
         ValueError for actions of another shape, or that are not finite. DivergedError without a recorder.
         """
-        now, rows = self._now, np.arange(len(self.tasks))
-        action = actions.checked(action, (len(rows), self.motors))
+        now, rows = self._now, self._rows
+        action = self.arrays.checked(action, (len(rows), self.motors))
+        xp = namespace(action)
         at = now.step.clip(max=self.config.steps - 1)
         u, now.offset = self._command(action, now.base[rows, at])
-        now.sent = np.concatenate([u[:, None], now.sent[:, :-1]], axis=1)
+        now.sent = xp.concatenate([u[:, None], now.sent[:, :-1]], axis=1)
         now.action = action.clip(-1, 1)
         self._push(rngs)
-        latency = [one.latency_steps for one in self.sensing]
-        self._state = self.worlds.step(now.sent[rows, latency], self.config.control_s)
+        self._state = self.worlds.step(now.sent[rows, self._latency], self.config.control_s)
         broken = self._replace_diverged(at)
         measured = self._measured = measure(self.scenery, now.episode, self._state, now.action)
         now.log.record(measured, at)
@@ -103,7 +124,7 @@ class GraspWorlds:
         terms = rewards(self.weights, measured)
         lost = (measured.away_m > LOST_M) | broken
         late = (now.step >= self.config.steps) & ~lost
-        return StepResult(np.sum(list(terms.values()), axis=0), lost, late, terms, now.log.success.copy())
+        return StepResult(xp.stack(list(terms.values())).sum(axis=0), lost, late, terms, copied(now.log.success))
 
     def observe(self) -> np.ndarray:
         """(n, width) float32 observations of the current state."""
@@ -114,7 +135,7 @@ class GraspWorlds:
         now, state = self._now, self.state()
         lag = (now.sent[:, 0] - state.q[:, self._of_motor]) / self.rates[:, 0]
         return Snapshot(self.scenery, now.episode, state, self.measures(), now.action, now.offset / self.rates[:, 0], lag,
-                        now.step / self.config.steps)  # fmt: skip
+                        number(now.step) / self.config.steps)  # fmt: skip
 
     def measures(self) -> Measures:
         """Current distances, forces and depths, which rewards are computed from."""
@@ -134,15 +155,15 @@ class GraspWorlds:
 
     def goal(self) -> np.ndarray:
         """(n, 3) goal of the objects' centres of mass, world frame."""
-        return self._now.episode.goal.copy()
+        return copied(self._now.episode.goal)
 
     def depths(self) -> np.ndarray:
         """(n, steps) m, deepest contact after each step; NaN where hand and object do not touch."""
-        return self._now.log.depth_m.copy()
+        return copied(self._now.log.depth_m)
 
     def steps_done(self) -> np.ndarray:
         """(n,) steps of each episode so far."""
-        return self._now.step.copy()
+        return copied(self._now.step)
 
     @property
     def aims(self) -> list[Aim]:
@@ -191,40 +212,27 @@ class GraspWorlds:
 
     def _replace_diverged(self, at: np.ndarray) -> np.ndarray:
         """Set diverged worlds back to the start of their episodes, after steps of numbers (n,); (n,) bool, which they are."""
-        now, state = self._now, self.state()
+        now, state, xp = self._now, self.state(), namespace(self.state().q)
         if self._recorder is None:
-            if not np.isfinite(state.q).all() or not np.isfinite(state.body).all():
+            if not (xp.isfinite(state.q).all() & xp.isfinite(state.body).all()):
                 raise DivergedError(self._divergence(state))
-            return np.zeros(len(self.tasks), bool)
+            return xp.zeros_like(self._rows, dtype=bool)
         self._recorder.record(state, now.action, at)
         broken = diverged(state)
         if broken.any():
-            which = np.flatnonzero(broken).tolist()
+            which = np.flatnonzero(to_numpy(broken)).tolist()
             self.worlds.reset(now.start_q[which], now.start_pose[which], which)
             for k in which:
                 body = self.tasks[k].body
                 self._recorder.write(k, f"{body.name}/{body.parts[self.tasks[k].hold]}")
-                now.sent[k], now.offset[k] = hold_command(self.scenes[k], now.start_q[k]), 0.0
+                now.sent[k], now.offset[k] = self.arrays.own(hold_command(self.scenes[k], now.start_q[k])), 0.0
             self._state = self.worlds.state()
         return broken
 
     def _divergence(self, state: State) -> str:
-        k, physics = int(np.argmax(diverged(state))), self.config.physics
+        k, physics = int(to_numpy(diverged(state)).argmax()), self.config.physics
         return (f"{self.tasks[k].body.name}: {self.config.engine} diverged in world {k}; more iterations than "
                 f"{physics.iterations} or a rate above {physics.rate_hz} Hz are needed")
-
-    def _begin(self, which: Sequence[int], poses: Sequence[np.ndarray], aims: Sequence[Aim],
-               posture: Sequence[float] = ()) -> None:  # fmt: skip
-        config, posture = self.config, posture or self.config.posture
-        q = [actions.initial_joints(self.scenes[k], aim, posture) for k, aim in zip(which, aims, strict=True)]
-        for k, pose, aim, joints in zip(which, poses, aims, q, strict=True):
-            scene = self.scenes[k]
-            base = actions.base_targets(config.base, scene, aim, config.steps, config.lift_m, posture, config.wait)
-            self._now.begin(k, aim, centre(scene.body, pose), config.lift_m, hold_command(scene, joints), base)
-            self._now.start_q[k], self._now.start_pose[k] = joints, pose
-        if q:
-            self.worlds.reset(np.stack(q), np.stack(poses), which)
-        self._state, self._measured = self.worlds.state(), None
 
     def _aim(self, k: int, pose: np.ndarray, rng: np.random.Generator) -> Aim:
         """Aim of world k, over which the hand begins and to which its base goes."""
@@ -253,30 +261,39 @@ class GraspWorlds:
         if not self.config.push_n:
             return
         raised = self.scenery.centre(self.state())[:, 2] - self._now.episode.origin[:, 2] > PUSH_RAISED_M
-        for k in np.flatnonzero(raised).tolist():
+        for k in np.flatnonzero(to_numpy(raised)).tolist():
             if rngs[k].random() < PUSH_CHANCE * self.config.control_s / CONTROL_S:
                 direction = rngs[k].normal(size=3)
                 self.worlds.push(self.config.push_n * direction[None] / np.linalg.norm(direction), PUSH_S, [k])
 
 
 class _EpisodeState:
-    """Progress of the running episodes, arrays of (n, ...). `copy.deepcopy` makes an independent copy."""
+    """Progress of the running episodes, arrays of (n, ...). `copy.deepcopy` makes an independent copy.
 
-    def __init__(self, n: int, steps: int, motors: int, joints: int, latency: int) -> None:
-        self.step = np.zeros(n, int)
+    The starts, to which worlds are set back, are arrays of numpy.
+    """
+
+    def __init__(self, n: int, steps: int, motors: int, joints: int, latency: int, arrays: Arrays) -> None:
+        self._own = own = arrays.own
+        self.step = own(np.zeros(n, int))
         self.aim = [Aim(np.zeros(3), 0.0)] * n
-        self.episode = EpisodeFrame(np.zeros((n, 3)), np.zeros(n), np.zeros((n, 3)))
-        self.base, self.sent = np.zeros((n, steps, motors)), np.zeros((n, 1 + latency, motors))
-        self.offset, self.action = np.zeros((n, motors)), np.zeros((n, motors))
+        self.episode = mapped(EpisodeFrame(np.zeros((n, 3)), np.zeros(n), np.zeros((n, 3))), own)
+        self.base, self.sent = own(np.zeros((n, steps, motors))), own(np.zeros((n, 1 + latency, motors)))
+        self.offset, self.action = own(np.zeros((n, motors))), own(np.zeros((n, motors)))
         self.start_q, self.start_pose = np.zeros((n, joints)), np.zeros((n, 7))
-        self.log = EpisodeLog(n, steps)
+        self.log = EpisodeLog(n, steps, own)
 
-    def begin(self, k: int, aim: Aim, origin: np.ndarray, lift_m: float, u: np.ndarray, base: np.ndarray) -> None:
-        """Start an episode of world k."""
-        self.step[k], self.aim[k], self.sent[k], self.base[k] = 0, aim, u, base
-        self.offset[k] = self.action[k] = 0.0
-        self.episode.origin[k], self.episode.yaw[k], self.episode.goal[k] = origin, aim.yaw, origin + (0, 0, lift_m)
-        self.log.clear(np.array([k]))
+    def begin(self, which: Sequence[int], aims: Sequence[Aim], origin: np.ndarray, lift_m: float, u: np.ndarray,
+              base: np.ndarray) -> None:  # fmt: skip
+        """Start episodes of worlds `which` (k,), with arrays of numpy (k, ...)."""
+        for k, aim in zip(which, aims, strict=True):
+            self.aim[k] = aim
+        own, at, episode = self._own, self._own(np.array(which)), self.episode
+        self.step[at], self.sent[at], self.base[at] = 0, own(u)[:, None], own(base)
+        self.offset[at] = self.action[at] = 0.0
+        yaw = np.array([aim.yaw for aim in aims])
+        episode.origin[at], episode.yaw[at], episode.goal[at] = own(origin), own(yaw), own(origin + (0, 0, lift_m))
+        self.log.clear(at)
 
 
 def _scene(hand: HandModel, task: Task, config: GraspEnvConfig, k: int) -> Scene:

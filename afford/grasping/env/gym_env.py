@@ -16,6 +16,7 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.vector.utils import batch_space
 
+from afford.common.arrays import to_numpy
 from afford.grasping.env.obs_blocks import LIMIT
 from afford.grasping.env.step_result import BatchedWorlds, StepResult
 
@@ -116,7 +117,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
         if not out.done.any():
             return replace(out, obs=final_obs, final_obs=final_obs)
         report = self._core.report()
-        self._core.reset(np.flatnonzero(out.done).tolist(), self._rngs)
+        self._core.reset(np.flatnonzero(to_numpy(out.done)).tolist(), self._rngs)
         return replace(out, obs=self._core.observe(), final_obs=final_obs, report=report)
 
     def save(self) -> Any:
@@ -148,8 +149,9 @@ class PPOEnvAdapter:
     def step(self, action: np.ndarray) -> StepResult:
         """Apply actions (n, m) for one control step."""
         out = self.envs.advance(action)
-        metrics = {f"reward/{name}": float(term.mean()) for name, term in out.terms.items()}
-        return replace(out, reward=self.scale * out.reward, metrics=metrics | mean_report(out.report, out.done))
+        metrics = {f"reward/{name}": term.mean() for name, term in out.terms.items()}
+        ended = mean_report(out.report, to_numpy(out.done)) if out.report else {}
+        return replace(out, reward=self.scale * out.reward, metrics=metrics | ended)
 
 
 def mean_report(report: dict[str, np.ndarray], which: np.ndarray) -> dict[str, float]:

@@ -1,16 +1,18 @@
 """Measurements of n worlds that rewards and metrics are computed from, and the metrics of an episode.
 
 Success is the paper's. Both readings of the paper's affordance score (AS) are reported, contacts of the whole hand, and depths.
-Negative parts are judged by the truth, whatever N_t a policy was shown.
+Negative parts are judged by the truth, whatever N_t a policy was shown. All but `report` also takes tensors.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from afford.common.arrays import mapped, namespace, number, taken, to_numpy
 from afford.grasping.env.scenery import SAFE_M, EpisodeFrame, Scenery
 from afford.grasping.sim.engine import State
 
@@ -72,35 +74,37 @@ class Measures:
 
 def measure(scenery: Scenery, episode: EpisodeFrame, state: State, action: np.ndarray) -> Measures:
     """Compute all measurements of a state."""
+    xp, norm = namespace(state.tips), namespace(state.tips).linalg.norm
     centre = scenery.centre(state)
     points = scenery.points(state)
-    on_N = np.einsum("nfp,np->nf", state.force, scenery.negative.astype(float))
+    on_N = xp.einsum("nfp,np->nf", state.force, number(scenery.negative))
     return Measures(
-        palm_m=np.linalg.norm(scenery.palm(state) - centre, axis=1),
+        palm_m=norm(scenery.palm(state) - centre, axis=1),
         tips_m=nearest(state.tips, points)[0],
-        allowed_m=nearest(state.tips, np.where(scenery.allowed[:, :, None], points, FAR_M))[0],
+        allowed_m=nearest(state.tips, xp.where(scenery.allowed[:, :, None], points, FAR_M))[0],
         positive_m=scenery.any_positive[:, None] * nearest(state.tips, scenery.positive_points(state))[0],
-        tips_centre_m=np.linalg.norm(state.tips - centre[:, None], axis=2),
-        goal_m=np.linalg.norm(centre - episode.goal, axis=1),
+        tips_centre_m=norm(state.tips - centre[:, None], axis=2),
+        goal_m=norm(centre - episode.goal, axis=1),
         height_m=centre[:, 2],
         N_m=_to(state.tips, scenery.negative_points(state), scenery.any_negative),
         N_true_m=_to(state.tips, scenery.true_points(state), scenery.any_true),
         force_held=state.force.sum(axis=2) - on_N, force_negative=on_N,
-        force_told=np.einsum("nfp,np->nf", state.force, scenery.told.astype(float)), penetration_m=np.asarray(state.penetration_m),
-        away_m=np.linalg.norm((centre - episode.origin)[:, :2], axis=1), action=action)  # fmt: skip
+        force_told=xp.einsum("nfp,np->nf", state.force, number(scenery.told)), penetration_m=xp.asarray(state.penetration_m),
+        away_m=norm((centre - episode.origin)[:, :2], axis=1), action=action)  # fmt: skip
 
 
 def nearest(spots: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Find the nearest of points (n, k, 3) to each of spots (n, f, 3): distances (n, f) and points (n, f, 3)."""
     squared = (spots**2).sum(2)[:, :, None] + (points**2).sum(2)[:, None] - 2 * spots @ points.swapaxes(1, 2)
     chosen = squared.argmin(axis=2)
-    found = np.take_along_axis(points, chosen[:, :, None], axis=1)
-    return np.linalg.norm(spots - found, axis=2), found
+    found = taken(points, chosen[:, :, None], axis=1)
+    return namespace(spots).linalg.norm(spots - found, axis=2), found
 
 
 def _to(spots: np.ndarray, points: np.ndarray, there: np.ndarray) -> np.ndarray:
     """(n, f) distances of spots to points, infinite in worlds without points."""
-    return np.where(there[:, None], nearest(spots, points)[0], np.inf)
+    found: np.ndarray = namespace(spots).where(there[:, None], nearest(spots, points)[0], np.inf)
+    return found
 
 
 def as_safe_count(N_m: np.ndarray) -> np.ndarray:
@@ -116,11 +120,13 @@ def as_violation_pct(N_m: np.ndarray) -> np.ndarray:
 class EpisodeLog:
     """Record of n running episodes, for their metrics. `copy.deepcopy` makes an independent copy."""
 
-    def __init__(self, n: int, steps: int) -> None:
-        self.success = np.zeros(n, bool)
-        self.negative = np.zeros(n, bool)
-        self.unsafe = np.zeros(n, bool)
-        self.depth_m = np.full((n, steps), np.nan)
+    def __init__(self, n: int, steps: int, own: Callable[[np.ndarray], Any] = np.asarray) -> None:
+        """Begin a record; `own` converts its arrays (arrays.py)."""
+        self.success = own(np.zeros(n, bool))
+        self.negative = own(np.zeros(n, bool))
+        self.unsafe = own(np.zeros(n, bool))
+        self.depth_m = own(np.full((n, steps), np.nan))
+        self._rows = own(np.arange(n))
 
     def clear(self, which: np.ndarray) -> None:
         """Forget the episodes of worlds `which`."""
@@ -132,18 +138,20 @@ class EpisodeLog:
         self.success |= m.goal_m < GOAL_M
         self.negative |= (m.force_negative > TOUCH_N).any(axis=1)
         self.unsafe |= (m.N_true_m <= SAFE_M).any(axis=1)
-        touched = m.touching.any(axis=1)
-        self.depth_m[np.flatnonzero(touched), step[touched]] = m.penetration_m[touched]
+        before = self.depth_m[self._rows, step]
+        self.depth_m[self._rows, step] = namespace(before).where(m.touching.any(axis=1), m.penetration_m, before)
 
     def report(self, m: Measures) -> dict[str, np.ndarray]:
-        """(n,) figures (METRICS) of episodes that end with these measurements."""
+        """(n,) figures (METRICS) of episodes that end with these measurements, as arrays of numpy."""
+        m = mapped(m, to_numpy)
+        success, negative, unsafe, depth_m = map(to_numpy, (self.success, self.negative, self.unsafe, self.depth_m))
         return {
-            "success": self.success.astype(float), "held": ((m.goal_m < GOAL_M) & m.touching.any(axis=1)).astype(float),
+            "success": success.astype(float), "held": ((m.goal_m < GOAL_M) & m.touching.any(axis=1)).astype(float),
             "as_violation_pct": as_violation_pct(m.N_true_m), "as_safe_count": as_safe_count(m.N_true_m).astype(float),
-            "as_any_step": self.unsafe.astype(float),
+            "as_any_step": unsafe.astype(float),
             "negative_contact_end": (m.force_negative > TOUCH_N).any(axis=1).astype(float),
-            "negative_contact_any": self.negative.astype(float),
-            "penetration_median_m": _quantile(self.depth_m, 50), "penetration_p95_m": _quantile(self.depth_m, 95),
+            "negative_contact_any": negative.astype(float),
+            "penetration_median_m": _quantile(depth_m, 50), "penetration_p95_m": _quantile(depth_m, 95),
             "goal_m": m.goal_m}  # fmt: skip
 
 

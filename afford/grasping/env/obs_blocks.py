@@ -12,12 +12,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
+from afford.common.arrays import like, mapped, namespace, number, single
 from afford.grasping.env.measures import Measures, nearest
-from afford.grasping.env.scenery import OBJECT_POINTS, EpisodeFrame, Scenery, about_z, palm_yaw, to_frame
+from afford.grasping.env.rotations import rotation_matrix, turned_euler, turned_quaternion
+from afford.grasping.env.scenery import OBJECT_POINTS, EpisodeFrame, Scenery, palm_yaw, to_frame
 from afford.grasping.env.task import NEGATIVE_POINTS
-from afford.grasping.hand.kinematics import ancestry, commanded_columns, forward_kinematics, jacobian, moving_joints
+from afford.grasping.hand.kinematics import commanded_columns, forward_kinematics, jacobian, joint_constants
 from afford.grasping.sim.engine import State
 
 
@@ -62,17 +63,19 @@ class Block:
 
 def rotation_columns(quaternion: np.ndarray, yaw: np.ndarray) -> np.ndarray:
     """Quaternions (n, 4) -> (n, 6) first two columns of the rotations, along axes turned by yaw."""
-    R = Rotation.from_quat(quaternion).as_matrix()
+    R = rotation_matrix(quaternion)
     return to_frame(R.swapaxes(1, 2)[:, :2], yaw).reshape(len(R), 6)
 
 
 def mean_and_std(points: np.ndarray, chosen: np.ndarray, origin: np.ndarray, yaw: np.ndarray) -> np.ndarray:
     """(n, 6) mean, relative to `origin` (n, 3), and standard deviation of the chosen (n, k) of points (n, k, 3); 0 without any."""
-    weight = chosen / np.maximum(chosen.sum(1, keepdims=True), 1)
+    xp, chosen = namespace(points), number(chosen)
+    weight = chosen / chosen.sum(1, keepdims=True).clip(min=1)
     local = to_frame(points - origin[:, None], yaw)
-    mean = np.einsum("nk,nki->ni", weight, local)
-    around = np.einsum("nk,nki->ni", weight, (local - mean[:, None]) ** 2)
-    return np.concatenate([mean, np.sqrt(around)], axis=1)
+    mean = xp.einsum("nk,nki->ni", weight, local)
+    around = xp.einsum("nk,nki->ni", weight, (local - mean[:, None]) ** 2)
+    found: np.ndarray = xp.concatenate([mean, xp.sqrt(around)], axis=1)
+    return found
 
 
 FAR_M = 0.3
@@ -81,13 +84,26 @@ PRESS_N = 5.0
 """unit of forces, which are clipped to 2 units"""
 
 
+def _together(parts: Sequence[np.ndarray]) -> np.ndarray:
+    """Concatenate (n, d) numbers."""
+    found: np.ndarray = namespace(parts[0]).concatenate(parts, axis=1)
+    return found
+
+
+def _everywhere(points: np.ndarray) -> np.ndarray:
+    """(n, k) ones, to choose all of points (n, k, 3)."""
+    found: np.ndarray = namespace(points).ones_like(points[..., 0])
+    return found
+
+
 def _fingers_q(now: Snapshot) -> np.ndarray:
     return now.state.q[:, 6:]
 
 
 def _palm(now: Snapshot) -> np.ndarray:
     yaw = now.episode.yaw
-    return np.concatenate([now.spot(now.scenery.palm(now.state), yaw), rotation_columns(now.state.palm[:, 3:], yaw)], axis=1)
+    parts = (now.spot(now.scenery.palm(now.state), yaw), rotation_columns(now.state.palm[:, 3:], yaw))
+    return _together(parts)
 
 
 def _press(force: np.ndarray) -> np.ndarray:
@@ -99,12 +115,12 @@ def _object(now: Snapshot) -> np.ndarray:
     centre = now.scenery.centre(state)
     parts = (now.spot(centre, yaw), rotation_columns(state.body[:, 3:], yaw), to_frame(state.velocity, yaw),
              0.2 * to_frame(state.spin, yaw), to_frame(now.episode.goal - centre, yaw))  # fmt: skip
-    return np.concatenate(parts, axis=1)
+    return _together(parts)
 
 
 def _whole(now: Snapshot) -> np.ndarray:
     points = now.scenery.points(now.state)
-    return mean_and_std(points, np.ones(points.shape[:2], bool), now.scenery.palm(now.state), now.episode.yaw)
+    return mean_and_std(points, _everywhere(points), now.scenery.palm(now.state), now.episode.yaw)
 
 
 def _allowed(now: Snapshot) -> np.ndarray:
@@ -117,8 +133,9 @@ def _to_surface(now: Snapshot) -> np.ndarray:
 
 
 def _negative(now: Snapshot) -> np.ndarray:
-    there = np.repeat(now.scenery.any_negative[:, None], NEGATIVE_POINTS, axis=1)
-    return mean_and_std(now.scenery.negative_points(now.state), there, now.scenery.palm(now.state), now.episode.yaw)
+    points = now.scenery.negative_points(now.state)
+    there = _everywhere(points) * now.scenery.any_negative[:, None]
+    return mean_and_std(points, there, now.scenery.palm(now.state), now.episode.yaw)
 
 
 def _tips_negative(now: Snapshot) -> np.ndarray:
@@ -126,7 +143,9 @@ def _tips_negative(now: Snapshot) -> np.ndarray:
 
 
 def _phase(now: Snapshot) -> np.ndarray:
-    return np.stack([now.phase, np.cos(np.pi * now.phase)], axis=1)
+    xp = namespace(now.phase)
+    found: np.ndarray = xp.stack([now.phase, xp.cos(np.pi * now.phase)], axis=1)
+    return found
 
 
 SMALL: Mapping[str, tuple[Block, ...]] = {
@@ -157,55 +176,60 @@ SMALL: Mapping[str, tuple[Block, ...]] = {
         Block("press_N", 6, "force of each finger and of the palm on parts that are negative by N_t, in units of 5 N",
               lambda now: _press(now.measures.force_told)),
         Block("any_negative", 1, "1 where the task has negative points, else 0",
-              lambda now: now.scenery.any_negative[:, None].astype(float)),
+              lambda now: number(now.scenery.any_negative[:, None])),
     ),
 }  # fmt: skip
 
 
 def _all_torques(now: Snapshot) -> np.ndarray:
     """Torques of the finger joints; coupled joints have no motor and show 0."""
-    joints = now.scenery.hand.joints
-    out = np.zeros_like(now.state.q)
-    out[:, commanded_columns(joints)] = now.state.torque
-    return 10.0 * out[:, 6:]
+    out = namespace(now.state.q).zeros_like(now.state.q)
+    out[:, like(commanded_columns(now.scenery.hand.joints), out)] = now.state.torque
+    found: np.ndarray = 10.0 * out[:, 6:]
+    return found
 
 
 def _tips(now: Snapshot) -> np.ndarray:
     """(n, f, 13) pose, velocity and angular velocity of the fingertips, by the hand's kinematics."""
     hand, q, qd = now.scenery.hand, now.state.q, now.state.qd
-    T, links, yaw = forward_kinematics(hand.joints, q), hand.fingers.tip_link, now.palm_yaw
-    turn = about_z(-yaw)
-    quaternion = np.stack([(turn * Rotation.from_matrix(T[:, link, :3, :3])).as_quat() for link in links], axis=1)
-    velocity = np.einsum("nfid,nd->nfi", jacobian(hand.joints, T, links, hand.fingers.tip_m), qd)
-    move = moving_joints(hand.joints)
-    carried = hand.joints.child[move]
-    axis = np.einsum("ndij,dj->ndi", T[:, carried, :3, :3], hand.joints.axis[move])
-    turns = np.array([hand.joints.kind[k] == "revolute" for k in move])
-    carries = ancestry(hand.joints)[np.ix_(links, carried)] * turns
-    spin = np.einsum("fd,ndi,nd->nfi", carries.astype(float), axis, qd)
-    return np.concatenate([now.spot(now.state.tips, yaw), quaternion, to_frame(velocity, yaw), to_frame(spin, yaw)], axis=2)
+    joints, xp, yaw = mapped(joint_constants(hand.joints), lambda x: like(x, q)), namespace(q), now.palm_yaw
+    links, tip_m, T = like(hand.fingers.tip_link, q), like(hand.fingers.tip_m, q), forward_kinematics(joints, q)
+    quaternion = xp.stack([turned_quaternion(-yaw, T[:, link, :3, :3]) for link in hand.fingers.tip_link.tolist()], axis=1)
+    velocity = xp.einsum("nfid,nd->nfi", jacobian(joints, T, links, tip_m), qd)
+    axis = xp.einsum("ndij,dj->ndi", T[:, joints.carried, :3, :3], joints.moving_axis)
+    carries = number(joints.ancestry[links][:, joints.carried] * joints.turns)
+    spin = xp.einsum("fd,ndi,nd->nfi", carries, axis, qd)
+    found: np.ndarray = xp.concatenate([now.spot(now.state.tips, yaw), quaternion, to_frame(velocity, yaw), to_frame(spin, yaw)],
+                                       axis=2)  # fmt: skip
+    return found
 
 
 def _tip_forces(now: Snapshot) -> np.ndarray:
     """(n, f, 6) contact wrenches; the engines give only the size of a force, which is the first number, the others are 0."""
-    out = np.zeros((*now.state.tips.shape[:2], 6))
-    out[:, :, 0] = 10.0 * now.state.force[:, :-1].sum(axis=2)
-    return out
+    press = 10.0 * now.state.force[:, :-1].sum(axis=2)
+    xp = namespace(press)
+    found: np.ndarray = xp.stack([press, *[xp.zeros_like(press)] * 5], axis=2)
+    return found
 
 
 def _palm_euler(now: Snapshot) -> np.ndarray:
     yaw = now.palm_yaw
-    turned = about_z(-yaw) * Rotation.from_quat(now.state.palm[:, 3:])
-    return np.concatenate([now.spot(now.state.palm[:, :3], yaw), turned.as_euler("xyz")], axis=1)
+    return _together((now.spot(now.state.palm[:, :3], yaw), turned_euler(-yaw, now.state.palm[:, 3:])))
 
 
 def _paper_object(now: Snapshot) -> np.ndarray:
     yaw, state = now.palm_yaw, now.state
-    turned = (about_z(-yaw) * Rotation.from_quat(state.body[:, 3:])).as_quat()
+    turned = turned_quaternion(-yaw, state.body[:, 3:])
     away = now.episode.goal - now.scenery.centre(state)
     parts = (now.spot(state.body[:, :3], yaw), turned, to_frame(state.velocity, yaw), 0.2 * to_frame(state.spin, yaw),
              to_frame(away, yaw))  # fmt: skip
-    return np.concatenate(parts, axis=1)
+    return _together(parts)
+
+
+def _nothing(now: Snapshot, width: int) -> np.ndarray:
+    xp = namespace(now.phase)
+    found: np.ndarray = xp.tile(xp.zeros_like(now.phase)[:, None], (1, width))
+    return found
 
 
 def _cloud(now: Snapshot, points: np.ndarray) -> np.ndarray:
@@ -227,9 +251,9 @@ CLOUD_N = Block("N_t", 3 * NEGATIVE_POINTS,
                 lambda now: _cloud(now, now.scenery.negative_points(now.state)))  # fmt: skip
 CLOUD_OBJECT = Block("points", 3 * OBJECT_POINTS, "surface points of the object, relative to the palm",
                      lambda now: _cloud(now, now.scenery.points(now.state)))  # fmt: skip
-UNUSED = Block("unused", 29, "zero, as published", lambda now: np.zeros((len(now.phase), 29)))
+UNUSED = Block("unused", 29, "zero, as published", lambda now: _nothing(now, 29))
 FEATURE = Block("feature", 64, "features of an object encoder whose weights are not published: zero, as in the published imitator",
-                lambda now: np.zeros((len(now.phase), 64)))  # fmt: skip
+                lambda now: _nothing(now, 64))  # fmt: skip
 
 
 LAYOUTS: Mapping[str, Mapping[str, tuple[Block, ...]]] = {
@@ -264,4 +288,5 @@ def observe(chosen: Sequence[Block], now: Snapshot) -> np.ndarray:
         block, part = wrong[0]
         raise ValueError(f"observation, {block.name}: expected {block.width} numbers, as the Shadow Hand gives, "
                          f"got {part.shape[1]}")
-    return np.concatenate(parts, axis=1).clip(-LIMIT, LIMIT).astype(np.float32)
+    found: np.ndarray = single(_together(parts).clip(-LIMIT, LIMIT))
+    return found

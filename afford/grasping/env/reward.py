@@ -1,4 +1,4 @@
-"""Rewards: named terms, which are functions of the measurements, and sets of weights for them."""
+"""Rewards: named terms, which are functions of the measurements (arrays or tensors), and sets of weights for them."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from afford.common.arrays import namespace, number
 from afford.grasping.env.measures import GOAL_M, TOUCH_N, Measures
 
 NEGATIVE_M = 0.03
@@ -29,9 +30,9 @@ class Term(NamedTuple):
 TERMS: Mapping[str, Term] = {
     "hand": Term("m, middle of the palm to the object's centre of mass", lambda m: m.palm_m),
     "goal": Term("m, the object's centre of mass to its goal", lambda m: m.goal_m),
-    "success": Term("1 where the object is within 5 cm of its goal", lambda m: (m.goal_m < GOAL_M).astype(float)),
+    "success": Term("1 where the object is within 5 cm of its goal", lambda m: number(m.goal_m < GOAL_M)),
     "negative_tips": Term("fingertips within 3 cm of a negative point",
-                          lambda m: (m.N_m < NEGATIVE_M).sum(axis=1).astype(float)),
+                          lambda m: number((m.N_m < NEGATIVE_M).sum(axis=1))),
     "fingers": Term("m, sum of fingertips to the object's centre of mass, at most 3",
                     lambda m: m.tips_centre_m.sum(axis=1).clip(max=TIPS_CAP_M)),
     "palm": Term("m, middle of the palm to the object's centre of mass, at most 0.5", lambda m: m.palm_m.clip(max=PALM_CAP_M)),
@@ -44,11 +45,11 @@ TERMS: Mapping[str, Term] = {
     "tips": Term("m, mean of fingertips to the object's surface", lambda m: m.tips_m.mean(axis=1)),
     "gripped_goal": Term("m by which the object is nearer to its goal than 15 cm, where two or more of fingers and palm press",
                          lambda m: m.gripped * (GRASP_REACH_M - m.goal_m).clip(min=0)),
-    "gripped_success": Term("1 where gripped and within 5 cm of the goal", lambda m: m.gripped * (m.goal_m < GOAL_M).astype(float)),
+    "gripped_success": Term("1 where gripped and within 5 cm of the goal", lambda m: m.gripped * number(m.goal_m < GOAL_M)),
     "positive": Term("m, mean of fingertips to the nearest positive point; 0 where no such points are known",
                      lambda m: m.positive_m.mean(axis=1)),
     "negative_contacts": Term("0.25 for each of fingers and palm that presses on a part that is negative by N_t",
-                              lambda m: 0.25 * (m.force_told > TOUCH_N).sum(axis=1)),
+                              lambda m: 0.25 * number((m.force_told > TOUCH_N).sum(axis=1))),
     "negative_detour": Term("m, mean over fingertips of the distance to the nearest allowed point minus that to the surface",
                             lambda m: (m.allowed_m - m.tips_m).mean(axis=1)),
     "negative_near": Term("mean over fingertips of 1 - distance to the nearest negative point / 4 cm, at least 0",
@@ -99,4 +100,6 @@ def near(m: Measures) -> np.ndarray:
 
 def up(m: Measures) -> np.ndarray:
     """(n,) reward for moving up with an object that is off the table; 0.2 from 20 cm on."""
-    return np.where(m.height_m >= RAISED_M, 0.2, np.where(m.height_m >= LIFTED_M, 0.1 + 0.1 * m.action[:, 2], 0.0))
+    where = namespace(m.height_m).where
+    found: np.ndarray = where(m.height_m >= RAISED_M, 0.2, where(m.height_m >= LIFTED_M, 0.1 + 0.1 * m.action[:, 2], 0.0))
+    return found

@@ -1,4 +1,7 @@
-"""Constants of n worlds as arrays (hand, objects, points), the frames of their episodes, and changes of frame."""
+"""Constants of n worlds as arrays (hand, objects, points), the frames of their episodes, and changes of frame.
+
+Functions of states also take tensors (afford/common/arrays.py).
+"""
 
 from __future__ import annotations
 
@@ -6,8 +9,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
+from afford.common.arrays import copied, like, namespace
+from afford.grasping.env.rotations import rotation_matrix
 from afford.grasping.env.task import NEGATIVE_POINTS, Task, spread_points
 from afford.grasping.hand.kinematics import forward_kinematics, moving_joints
 from afford.grasping.sim.engine import State
@@ -107,28 +111,25 @@ def build_scenery(hand: HandModel, tasks: Sequence[Task]) -> Scenery:
 
 def to_world(pose: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Transform points (n, k, 3) from frames with poses (n, 7) to the world."""
-    R = Rotation.from_quat(pose[:, 3:]).as_matrix()
-    return points @ R.swapaxes(1, 2) + pose[:, None, :3]
-
-
-def about_z(yaw: np.ndarray) -> Rotation:
-    """n rotations about the vertical by yaw (n,)."""
-    return Rotation.from_rotvec(np.multiply.outer(yaw, [0.0, 0.0, 1.0]))
+    found: np.ndarray = points @ rotation_matrix(pose[:, 3:]).swapaxes(1, 2) + pose[:, None, :3]
+    return found
 
 
 def to_frame(vectors: np.ndarray, yaw: np.ndarray) -> np.ndarray:
     """Rotate world vectors (n, ..., 3) into frames turned by yaw (n,) about the vertical."""
-    c, s = (f(yaw).reshape(-1, *[1] * (vectors.ndim - 2)) for f in (np.cos, np.sin))
+    xp = namespace(vectors)
+    c, s = (f(yaw).reshape(-1, *[1] * (vectors.ndim - 2)) for f in (xp.cos, xp.sin))
     x, y = vectors[..., 0], vectors[..., 1]
-    out = np.array(vectors, np.float64)
+    out: np.ndarray = np.array(vectors, np.float64) if xp is np else copied(vectors)
     out[..., 0], out[..., 1] = c * x + s * y, c * y - s * x
     return out
 
 
 def palm_yaw(hand: HandModel, state: State) -> np.ndarray:
     """(n,) yaw of the direction of the fingers, seen from above (the palm's grip axis z)."""
-    z = Rotation.from_quat(state.palm[:, 3:]).as_matrix() @ hand.R_palm_grip[:, 2]
-    return np.arctan2(z[:, 1], z[:, 0])
+    z = rotation_matrix(state.palm[:, 3:]) @ like(hand.R_palm_grip[:, 2], state.palm)
+    found: np.ndarray = namespace(z).arctan2(z[:, 1], z[:, 0])
+    return found
 
 
 def _hundred(points: np.ndarray) -> np.ndarray:

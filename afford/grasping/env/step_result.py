@@ -1,4 +1,7 @@
-"""Result of one step of n worlds, and the interface of everything that steps n worlds at once."""
+"""Result of one step of n worlds, and the interface of everything that steps n worlds at once.
+
+Worlds on a device take and return tensors (arrays.py); reports are arrays of numpy.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +33,7 @@ class StepResult:
     report: dict[str, np.ndarray] = field(default_factory=dict)
     """(n,) figures of the episodes that have ended; empty where none has (gym_env.VectorEnv)"""
     metrics: dict[str, float] = field(default_factory=dict)
-    """scalars to log (gym_env.PPOEnvAdapter)"""
+    """scalars to log: numbers, or tensors () of worlds on a device (gym_env.PPOEnvAdapter)"""
 
     @property
     def done(self) -> np.ndarray:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from afford.grasping.env.arrays import NUMPY, Arrays
 from afford.grasping.env.flight_recorder import FlightRecorder
 from afford.grasping.env.task import Task, make_task
 from afford.grasping.hand.kinematics import commanded_columns
@@ -94,7 +95,7 @@ class PriorData:
 
 def prior_data(hand: HandModel, bodies: Sequence[GraspObject], targets: Sequence[GraspTarget], references: Sequence[HandReference],
                config: GraspImitationConfig, proofs: int, engines: Sequence[str], worlds: int, seed: int,
-               recorder: FlightRecorder | None = None) -> PriorData:  # fmt: skip
+               recorder: FlightRecorder | None = None, arrays: Arrays = NUMPY) -> PriorData:  # fmt: skip
     """Build worlds of the objects whose clips pass the filter, in turn; at least one of every object where clips are fixed.
 
     A clip passes when the object is held at the end of `proofs` episodes out of `proofs`, in each of the engines; all clips pass
@@ -115,7 +116,7 @@ def prior_data(hand: HandModel, bodies: Sequence[GraspObject], targets: Sequence
         raise ValueError(f"hand_imitation: no clip of {len(references)} lifts its object {proofs} times of {proofs}; "
                          "check the clips, or set a lower proofs")
     count = max(worlds, len(tasks)) if config.fixed else worlds
-    core = GraspImitationWorlds(hand, [tasks[k % len(tasks)] for k in range(count)], kept, config, recorder=recorder)
+    core = GraspImitationWorlds(hand, [tasks[k % len(tasks)] for k in range(count)], kept, config, recorder=recorder, arrays=arrays)
     facts = {"role": "prior", "layout": "small", "rates": "prior", "hand": hand.name, "steps": config.steps,
              "lift_m": config.lift_m, "start": "anywhere", "base": "prior", "seed": seed,
              "posture": start_posture(hand, targets, kept, config.fixed).tolist(),

@@ -18,11 +18,13 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from afford.common.arrays import namespace, to_numpy
 from afford.grasping.env.actions import turned
+from afford.grasping.env.arrays import NUMPY, Arrays
 from afford.grasping.env.config import GraspEnvConfig
 from afford.grasping.env.flight_recorder import FlightRecorder
 from afford.grasping.env.grasp_worlds import GraspWorlds
-from afford.grasping.env.scenery import about_z
+from afford.grasping.env.rotations import yaw_matrix
 from afford.grasping.env.step_result import StepResult
 from afford.grasping.env.task import Task
 from afford.grasping.hand.kinematics import commanded_columns
@@ -83,23 +85,26 @@ class GraspImitationWorlds:
     """n worlds, each with an object and the clips that grasp it (step_result.BatchedWorlds)."""
 
     def __init__(self, hand: HandModel, tasks: Sequence[Task], references: Sequence[HandReference], config: GraspImitationConfig,
-                 alone: bool = False, recorder: FlightRecorder | None = None) -> None:  # fmt: skip
+                 alone: bool = False, recorder: FlightRecorder | None = None, arrays: Arrays = NUMPY) -> None:  # fmt: skip
         """Build the worlds. A world draws from all clips of its object; with `alone`, world k follows clip k only.
+
+        `arrays` is the library of states, observations and rewards (GraspWorlds).
 
         ValueError for an object that no clip grasps, clips of another hand, or clips without an object.
         """
-        self.hand, self.config, self.clips = hand, config, ReferenceClips(hand, references)
-        self._of_motor, self._tracker = commanded_columns(hand.joints), Tracker(hand)
-        self._u = [self._steps(one) for one in self.clips.references]
+        self.hand, self.config, self.clips = hand, config, ReferenceClips(hand, references, arrays.own)
+        self._of_motor, self._tracker, self._own = commanded_columns(hand.joints), Tracker(hand, arrays.own), arrays.own
+        self._starts = np.stack([self._steps(one) for one in self.clips.references])
         self._fixed = np.array([one.name in config.fixed for one in self.clips.references])
-        start = tuple(self._u[0][0].tolist())
+        self._u, self._free = arrays.own(self._starts), arrays.own(~self._fixed)
+        start = tuple(self._starts[0, 0].tolist())
         self.grasping = GraspWorlds(hand, tasks, GraspEnvConfig(
             engine=config.engine, physics=config.physics, base="prior", posture=start, role="prior", start="anywhere",
             steps=config.steps, lift_m=config.lift_m, xy_m=config.xy_m, threads=config.threads, device=config.device),
-            recorder)  # fmt: skip
+            recorder, arrays)  # fmt: skip
         self._of_world = [[k] if alone else _clips_of(one, self.clips.references) for k, one in enumerate(tasks)]
         n = len(tasks)
-        self._now = _EpisodeState(np.zeros(n, int), np.zeros(n, int), np.zeros((n, 3)), np.zeros((n, 3)))
+        self._now = _EpisodeState(*map(arrays.own, (np.zeros(n, int), np.zeros(n, int), *np.zeros((3, n, 3)))))
 
     @property
     def motors(self) -> int:
@@ -113,16 +118,20 @@ class GraspImitationWorlds:
 
     def reset(self, which: Sequence[int], rngs: Sequence[np.random.Generator]) -> None:
         """Begin episodes in worlds `which`: draw a clip, the pose of the object, and the shift along it."""
+        drawn, starts = list[tuple[int, np.ndarray, float]](), list[tuple[np.ndarray, Aim, tuple[float, ...]]]()
         for k in which:
             rng, config = rngs[k], self.config
             clip = self._of_world[k][int(rng.integers(len(self._of_world[k])))]
             yaw, origin = rng.uniform(-np.pi / 2, np.pi / 2), np.append(rng.uniform(-config.xy_m, config.xy_m, 2), 0.0)
             shift = rng.uniform(-config.shift_m, config.shift_m) * (not self._fixed[clip])
-            self._now.begin(k, clip, origin, shift)
+            drawn.append((clip, origin, shift))
             pose = _moved(self.clips.references[clip].object_pose[0], yaw, origin)
-            posture = self._u[clip][0] + _astray(config.astray, self.motors, rng)
+            posture = self._starts[clip, 0] + _astray(config.astray, self.motors, rng)
             posture[0] += shift
-            self.grasping.begin(k, pose, Aim(origin, yaw), tuple(posture.tolist()))
+            starts.append((pose, Aim(origin, yaw), tuple(posture.tolist())))
+        if drawn:
+            self._now.begin(*map(self._own, (np.array(which), *(np.array(column) for column in zip(*drawn, strict=True)))))
+            self.grasping.begin(which, *zip(*starts, strict=True))
 
     def step(self, action: np.ndarray, rngs: Sequence[np.random.Generator]) -> StepResult:
         """Apply actions (n, m) for one control step. ValueError for actions that are not finite."""
@@ -130,11 +139,11 @@ class GraspImitationWorlds:
         out = self.grasping.step(action, rngs)
         now.step = now.step + 1
         tracking = self.tracking()
-        levels = (tracking.level_1_m, tracking.level_2_m, self._tips_m())
-        now.error_m += np.stack([each.mean(axis=1) for each in levels], axis=1)
+        levels, xp = (tracking.level_1_m, tracking.level_2_m, self._tips_m()), namespace(tracking.wrist_m)
+        now.error_m += xp.stack([each.mean(axis=1) for each in levels], axis=1)
         terms = imitation_rewards(self.config.reward, tracking)
         fails = tracking_failed(tracking, self.config.tolerance_m, now.step * CONTROL_S) | out.terminated
-        return StepResult(np.sum(list(terms.values()), axis=0), fails, out.truncated & ~fails, terms, out.success)
+        return StepResult(xp.stack(list(terms.values())).sum(axis=0), fails, out.truncated & ~fails, terms, out.success)
 
     def expert(self) -> np.ndarray:
         """(n, m) action towards the reference a step ahead.
@@ -143,8 +152,8 @@ class GraspImitationWorlds:
         """
         after, before = self._u_at(1), self._u_at(0)
         action = self.grasping.towards(self._placed(after))
-        free = ~self._fixed[self._now.clip]
-        action[free, 0] = ((after - before)[free, 0] / self.grasping.rates[0, 0]).clip(-1, 1)
+        along = ((after - before)[:, 0] / self.grasping.rates[0, 0]).clip(-1, 1)
+        action[:, 0] = namespace(action).where(self._free[self._now.clip], along, action[:, 0])
         return action
 
     def tracking(self) -> Tracking:
@@ -157,7 +166,7 @@ class GraspImitationWorlds:
 
     def report(self) -> dict[str, np.ndarray]:
         """(n,) figures of episodes that end now: mean errors of both levels and of the fingertips, and those of AffordanceGrasp."""
-        mean = self._now.error_m / np.maximum(self._now.step, 1)[:, None]
+        mean = to_numpy(self._now.error_m / self._now.step.clip(min=1)[:, None])
         errors = {name: mean[:, k] for k, name in enumerate(("level_1_m", "level_2_m", "tips_error_m"))}
         return errors | self.grasping.report()
 
@@ -186,36 +195,37 @@ class GraspImitationWorlds:
 
     def _u_at(self, ahead: int) -> np.ndarray:
         """(n, m) motor joints of the clips some steps ahead, in the frame of the episode, without the shift."""
-        steps = (self._now.step + ahead).clip(max=self.config.steps)
-        return np.stack([self._u[clip][step] for clip, step in zip(self._now.clip, steps, strict=True)])
+        found: np.ndarray = self._u[self._now.clip, (self._now.step + ahead).clip(max=self.config.steps)]
+        return found
 
     def _placed(self, u: np.ndarray) -> np.ndarray:
         """(n, m) motor joints in the frame of the episode -> shifted, in the world."""
-        yaw = self.grasping.episode.yaw
-        out = turned(u + self._now.shift_u(u.shape[1]), yaw)
+        yaw, out = self.grasping.episode.yaw, u + 0.0
+        out[:, :3] += self._now.shift
+        out = turned(out, yaw)
         out[:, :3] += self._now.origin
         out[:, 3] += yaw
         return out
 
     def _reference(self, name: str) -> np.ndarray:
         """(n, ...) field of the references at this step, in the world."""
-        now, turn = self._now, about_z(self.grasping.episode.yaw).as_matrix()
+        now, turn, xp = self._now, yaw_matrix(self.grasping.episode.yaw), namespace(self.grasping.episode.yaw)
         rows = self.clips.at(name, now.clip, now.step)
         if name in POINTS:
             return (rows + now.shift[:, None]) @ turn.swapaxes(1, 2) + now.origin[:, None]
         if name == "palm_twist":
-            found: np.ndarray = np.einsum("nij,nkj->nki", turn, rows.reshape(-1, 2, 3)).reshape(-1, 6)
+            found: np.ndarray = xp.einsum("nij,nkj->nki", turn, rows.reshape(-1, 2, 3)).reshape(-1, 6)
             return found
         if name == "T_world_palm":
-            out = rows.copy()
-            out[:, :3, :3] = turn @ rows[:, :3, :3]
-            out[:, :3, 3] = np.einsum("nij,nj->ni", turn, rows[:, :3, 3] + now.shift) + now.origin
-            return out
+            R, place = turn @ rows[:, :3, :3], xp.einsum("nij,nj->ni", turn, rows[:, :3, 3] + now.shift) + now.origin
+            rows[:, :3, :3], rows[:, :3, 3] = R, place
+            return rows
         return rows
 
     def _tips_m(self) -> np.ndarray:
         """(n, f) errors of the fingertips."""
-        found: np.ndarray = np.linalg.norm(self.state().tips - self._reference("tips_m"), axis=2)
+        tips = self.state().tips
+        found: np.ndarray = namespace(tips).linalg.norm(tips - self._reference("tips_m"), axis=2)
         return found
 
 
@@ -228,19 +238,13 @@ class _EpisodeState:
     origin: np.ndarray
     shift: np.ndarray
     """(n, 3) shift of the clip, in the frame of the episode"""
-    error_m: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    error_m: np.ndarray
+    """(n, 3) sum of errors so far"""
 
-    def __post_init__(self) -> None:
-        self.error_m = np.zeros((len(self.clip), 3))
-
-    def begin(self, k: int, clip: int, origin: np.ndarray, shift_m: float) -> None:
-        """Start an episode of world k."""
-        self.clip[k], self.step[k], self.origin[k], self.error_m[k] = clip, 0, origin, 0.0
-        self.shift[k] = shift_m, 0.0, 0.0
-
-    def shift_u(self, motors: int) -> np.ndarray:
-        """(n, m) shift as targets of motors."""
-        return np.pad(self.shift, ((0, 0), (0, motors - 3)))
+    def begin(self, which: np.ndarray, clip: np.ndarray, origin: np.ndarray, shift_m: np.ndarray) -> None:
+        """Start episodes of worlds `which` (k,)."""
+        self.clip[which], self.step[which], self.origin[which], self.error_m[which] = clip, 0, origin, 0.0
+        self.shift[which], self.shift[which, 0] = 0.0, shift_m
 
 
 def _clips_of(one: Task, references: Sequence[HandReference]) -> list[int]:

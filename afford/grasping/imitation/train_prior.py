@@ -19,6 +19,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from afford.common.arrays import like, namespace, single
 from afford.grasping.env.flight_recorder import FlightRecorder
 from afford.grasping.env.gym_env import PPOEnvAdapter, VectorEnv, mean_report
 from afford.grasping.env.step_result import StepResult
@@ -181,21 +182,21 @@ def _dagger_update(core: GraspImitationWorlds, state: PriorTraining, config: Pri
 def _collect_episodes(core: GraspImitationWorlds, model: ActorCritic, config: PriorTrainingConfig,
                       update: int) -> tuple[Tensor, Tensor, dict[str, float]]:  # fmt: skip
     """Observations (t n, d), actions of the expert (t n, a), and mean figures of the worlds in which the policy acted."""
-    n, steps = len(core.grasping.tasks), core.config.steps
+    n, steps, own = len(core.grasping.tasks), core.config.steps, core.grasping.arrays.own
     rng = np.random.default_rng([config.seed, update])
     rngs = [np.random.default_rng([config.seed, update, k]) for k in range(n)]
     core.reset(range(n), rngs)
     model.eval()
     expert_acts = rng.random(n) < 1 - update / max(config.alone, 1)
-    nudges = _nudges(config, n, steps, rng)
+    nudges, noise = own(_nudges(config, n, steps, rng)), own(config.noise * rng.normal(size=(steps, n, core.motors)))
+    leads = own(expert_acts[:, None])
     rows = list[tuple[Tensor, Tensor]]()
     for step in range(steps):
         obs, expert = torch.as_tensor(core.observe(), device=model.device), core.expert()
-        own = model.actions(obs).mean.cpu().numpy()
-        action = np.where(expert_acts[:, None], expert, own) + config.noise * rng.normal(size=expert.shape)
+        action = namespace(expert).where(leads, expert, like(model.actions(obs).mean, expert)) + noise[step]
         action[:, 0] += nudges[step]
         core.step(action, rngs)
-        rows.append((obs, torch.as_tensor(expert.astype(np.float32), device=model.device)))
+        rows.append((obs, torch.as_tensor(single(expert), device=model.device)))
     all_obs, label = (torch.stack(column).flatten(0, 1) for column in zip(*rows, strict=True))
     return all_obs, label, mean_report(core.report(), ~expert_acts)
 
@@ -223,7 +224,7 @@ class LabellingEnv(PPOEnvAdapter):
 
     def step(self, action: np.ndarray) -> StepResult:
         """Apply actions (n, a)."""
-        self._labels.append(torch.from_numpy(self.core.expert().astype(np.float32)))
+        self._labels.append(torch.as_tensor(single(self.core.expert())))
         return super().step(action)
 
     @property

@@ -64,7 +64,7 @@ class MeanAction:
     @torch.no_grad()
     def act(self, now: GraspWorlds) -> np.ndarray:
         """(n, m) actions within -1..1."""
-        obs = torch.from_numpy(now.observe())
+        obs = torch.as_tensor(now.observe())
         action = np.zeros((len(obs), now.motors))
         if self.prior is not None:
             action += mean_action(self.prior, obs[:, self.columns])

@@ -1,6 +1,7 @@
 """Student policy: observes n worlds by cameras and its own senses, and acts in the frame of its start. Also its files.
 
-A student reads a world only by proprioception (`sense`), depth cameras (`render_depth`) and N_t.
+A student reads a world only by proprioception (`sense`), depth cameras (`render_depth`) and N_t. Cameras are rendered on the CPU:
+what they and the senses need of worlds on a device is copied to it at every step.
 
 N_t comes from the previous stage in the frame of the object. With `first_look` it stays where it was in the world when the episode
 began, which a robot knows from one look at the scene. With `tracked` it moves with the object's true pose, as in the paper.
@@ -17,6 +18,7 @@ from typing import Any
 import numpy as np
 import torch
 
+from afford.common.arrays import mapped, to_numpy
 from afford.grasping.env import actions
 from afford.grasping.env.grasp_worlds import GraspWorlds
 from afford.grasping.policies.depth_cameras import (
@@ -62,9 +64,9 @@ class StudentObserver:
         self.cameras, self.hand = sensors.rig.cameras(), hand_shape(core.scenery.hand)
         shapes = {id(one.body): body_shape(one.body) for one in core.tasks}
         self.bodies = [shapes[id(one.body)] for one in core.tasks]
-        self.robot = robot_body(core.scenery, core.rates[:, 0])
+        self.robot = robot_body(mapped(core.scenery, to_numpy), to_numpy(core.rates[:, 0]))
         self.noise = [random_depth_noise(core.config.seed + k) if core.config.randomise else DepthNoise() for k in range(n)]
-        self.start, self._N = StartFrame(np.zeros((n, 3)), np.zeros(n)), core.scenery.N_object.copy()
+        self.start, self._N = StartFrame(np.zeros((n, 3)), np.zeros(n)), to_numpy(core.scenery.N_object).copy()
         self.reseed(seed)
 
     def reseed(self, seed: int) -> None:
@@ -73,28 +75,40 @@ class StudentObserver:
 
     def observe(self) -> StudentObs:
         """Observe the current state of all worlds."""
-        core, state, own = self.core, self.core.state(), sense(self.core.snapshot(), self.robot.rates)
+        core, state = self.core, mapped(self.core.state(), to_numpy)
+        own = mapped(sense(core.snapshot(), core.rates[:, 0]), to_numpy)
         self._remember_starts(own)
         images = add_depth_noise(render_depth(self.cameras, self.hand, self.bodies, state.q, state.body), self.noise, self._rng)
-        N = core.scenery.negative_points(state) if self.sensors.n_t == "tracked" else self._N
-        return student_obs(images, own, N, core.scenery.any_negative, self.cameras, self.robot, self.start, self.sensors.eyes)
+        N, there = self._negative_points() if self.sensors.n_t == "tracked" else self._N, to_numpy(core.scenery.any_negative)
+        return student_obs(images, own, N, there, self.cameras, self.robot, self.start, self.sensors.eyes)
 
     def to_start_frame(self, action: np.ndarray) -> np.ndarray:
         """(n, m) actions of `core.step` -> in the frame of the start, where they may exceed -1..1."""
-        return self.robot.to_start(actions.turned(action * self.robot.rates, self.core.episode.yaw), self.start)
+        return self.robot.to_start(actions.turned(action * self.robot.rates, self._yaw), self.start)
 
     def from_start_frame(self, action: np.ndarray) -> np.ndarray:
         """(n, m) actions in the frame of the start -> actions of `core.step`: the same moves of the hand in the world."""
         moves = self.robot.to_world(action, self.start)
-        found: np.ndarray = (actions.turned(moves, -self.core.episode.yaw) / self.robot.rates).clip(-1, 1)
+        found: np.ndarray = (actions.turned(moves, -self._yaw) / self.robot.rates).clip(-1, 1)
         return found
 
     def _remember_starts(self, own: Proprioception) -> None:
         """Keep the frames of the start and N_t of episodes that begin now."""
-        fresh = np.flatnonzero(self.core.steps_done() == 0)
+        fresh = np.flatnonzero(to_numpy(self.core.steps_done()) == 0)
         begun = self.robot.start(own)
         self.start.origin[fresh], self.start.yaw[fresh] = begun.origin[fresh], begun.yaw[fresh]
-        self._N[fresh] = self.core.scenery.negative_points(self.core.state())[fresh]
+        self._N[fresh] = self._negative_points()[fresh]
+
+    def _negative_points(self) -> np.ndarray:
+        """(n, 100, 3) negative points N_t, world."""
+        found: np.ndarray = to_numpy(self.core.scenery.negative_points(self.core.state()))
+        return found
+
+    @property
+    def _yaw(self) -> np.ndarray:
+        """(n,) yaw of the episodes."""
+        found: np.ndarray = to_numpy(self.core.episode.yaw)
+        return found
 
 
 class StudentActor:

@@ -16,14 +16,16 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from afford.common.arrays import like
 from afford.common.files import empty_folder
 from afford.grasping.env.config import GraspEnvConfig
+from afford.grasping.env.device_arrays import arrays_of
 from afford.grasping.env.env import AffordanceGraspVector
 from afford.grasping.env.flight_recorder import FlightRecorder, export_records
 from afford.grasping.env.gym_env import PPOEnvAdapter, VectorEnv
 from afford.grasping.env.step_result import StepResult
 from afford.grasping.env.task import Task
-from afford.grasping.policies.load_policy import ENVIRONMENT, PRIOR, mean_action, prior_columns
+from afford.grasping.policies.load_policy import ENVIRONMENT, PRIOR, prior_columns
 from afford.grasping.rl import policy_files, ppo
 from afford.grasping.rl.ppo import ActorCritic, PolicyConfig, PPOConfig, paper_config
 from afford.models.loading import device_of
@@ -67,8 +69,9 @@ class FrozenPrior:
 
     @torch.no_grad()
     def act(self, obs: np.ndarray) -> np.ndarray:
-        """(n, m) actions within -1..1, from a teacher's observations (n, d)."""
-        return mean_action(self.model, torch.from_numpy(obs[:, self._columns]))
+        """(n, m) float64 actions within -1..1, from a teacher's observations (n, d), in the library of these."""
+        own = torch.as_tensor(obs[:, self._columns], device=self.model.device)
+        return like(self.model.actions(own).mean.clamp(-1, 1).double(), obs)
 
 
 class ResidualEnv(PPOEnvAdapter):
@@ -97,10 +100,12 @@ def train_teacher(hand: HandModel, tasks: Sequence[Task], prior: FrozenPrior | N
                   device: str = "cpu") -> tuple[ActorCritic, TrainingState]:  # fmt: skip
     """Train a teacher; the network, on the CPU, and its curves.
 
-    `folder` holds checkpoint.safetensors, tensorboard/ and diverged/. The networks are on `device`.
+    `folder` holds checkpoint.safetensors, tensorboard/ and diverged/. The networks are on `device`. With engine=warp, states,
+    observations and rewards are tensors on the device of the worlds.
     """
     recorder = FlightRecorder(folder, config.engine, plan.seed)
-    envs = AffordanceGraspVector(plan.worlds, hand, tasks, recorder, **vars(config))
+    arrays = arrays_of(config.engine, config.device)
+    envs = AffordanceGraspVector(plan.worlds, hand, tasks, recorder, arrays, **vars(config))
     try:
         model = new_teacher(plan, envs.core.width, envs.core.motors).to(device_of(device))
         if prior is not None:

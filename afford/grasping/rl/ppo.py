@@ -12,13 +12,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 from torch.distributions import Independent, Normal
 
+from afford.common.arrays import like, namespace
 from afford.grasping.env.step_result import StepResult
 
 ACTIVATIONS = {"tanh": nn.Tanh, "elu": nn.ELU}
@@ -151,7 +152,7 @@ def mlp(widths: tuple[int, ...], activation: str, last: float) -> nn.Sequential:
 class VecEnv(Protocol):
     """n environments that reset themselves when an episode ends. A result has obs, final_obs, reward and metrics.
 
-    Arrays are numpy's, on the CPU; PPO computes on the device of its model.
+    Arrays are numpy's, on the CPU, or tensors on the device of the model, on which PPO computes.
     """
 
     def reset(self) -> np.ndarray:
@@ -212,12 +213,12 @@ def collect_rollout(envs: VecEnv, model: ActorCritic, obs: np.ndarray, config: P
         seen = to_device(obs)
         dist, value = model(seen)  # continuous control 1, 2: a Gaussian whose spread is a parameter
         action = dist.sample()  # continuous control 3: components are independent
-        result = envs.step(action.cpu().numpy())
+        result = envs.step(like(action, obs))
         rows.append((seen, action, dist.log_prob(action), value, model.value(to_device(result.final_obs))))
         results.append(result)
         obs = result.obs
     seen, action, log_prob, value, next_value = (torch.stack(column) for column in zip(*rows, strict=True))
-    reward, terminated, done = (to_device(np.stack([getattr(one, name) for one in results]))
+    reward, terminated, done = (to_device(namespace(obs).stack([getattr(one, name) for one in results]))
                                 for name in ("reward", "terminated", "done"))  # fmt: skip
     advantage = gae(reward.float(), value, next_value, terminated, done, config.gamma, config.gae_lambda)
     columns = (seen, action, log_prob, advantage, value, advantage + value)
@@ -278,4 +279,8 @@ def losses(model: ActorCritic, rollout: Rollout, rows: Tensor, config: PPOConfig
 def _mean(metrics: list[dict[str, float]]) -> dict[str, float]:
     """Mean of every scalar over the steps that logged it."""
     names = sorted({name for one in metrics for name in one})
-    return {name: float(np.mean([one[name] for one in metrics if name in one])) for name in names}
+    return {name: _mean_of([one[name] for one in metrics if name in one]) for name in names}
+
+
+def _mean_of(values: list[Any]) -> float:
+    return float(torch.stack(values).mean() if isinstance(values[0], Tensor) else np.mean(values))

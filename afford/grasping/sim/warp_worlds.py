@@ -5,20 +5,23 @@ Only this module uses mujoco_warp and warp, which the extra `gpu` installs.
 Worlds are grouped by object and by parameters that the engine sets for all worlds (rate, iterations, gravity). Within a group, all
 other physics may differ: every model field in which scenes differ gets one row per world.
 
+States are computed by torch on the device, from warp's arrays without a copy; `state` copies them to the CPU, `tensors` does not.
+
 Kernels are compiled at the first step, for each kind of scene (tens of seconds); warp caches them in WARP_CACHE_PATH.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
+from afford.common.arrays import like, mapped, namespace, to_numpy
 from afford.common.registry import extra
-from afford.grasping.hand.kinematics import points_on_links
 from afford.grasping.sim.engine import State, World, make_world, solver_steps
 from afford.grasping.sim.mujoco_world import Layout, compiled, layout
 from afford.grasping.sim.scene import Scene, hold_command, scene_limits
@@ -30,6 +33,8 @@ CONTACTS, ROWS = 96, 320
 """capacity per world: contacts (shared by the worlds of a group) and constraint rows"""
 IN_ORDER = 256
 """largest group of worlds whose sums are in a fixed order; the sort of more takes over 2 GiB, which warp cannot address"""
+POSES, CONTACT = ("xpos", "xmat", "xquat", "qpos", "qvel", "actuator_force"), ("geom", "worldid", "efc_address", "dist")
+"""fields that a state is computed from"""
 MOVING = ("qpos", "qvel", "qacc_warmstart", "ctrl", "time")
 """fields that the next step depends on"""
 
@@ -61,6 +66,9 @@ class WarpWorlds:
         self._rows = [np.array(rows) for rows in alike.values()]
         self._groups = [_Group([scenes[k] for k in rows], self.parts, device) for rows in alike.values()]
         self._force, self._left = np.zeros((n, 3)), np.zeros(n, int)
+        of_device = self._groups[0].state().q
+        self._index = [like(rows, of_device) for rows in self._rows]
+        self._order = like(np.argsort(np.concatenate(self._rows)), of_device)
         self._state = self._together([group.state() for group in self._groups])
 
     def single_world(self, k: int) -> World:
@@ -77,14 +85,21 @@ class WarpWorlds:
                 group.reset(at, q[mine], body[mine])
                 _put(self._state, chosen[mine], _rows(group.state(), at))
         self._force[chosen], self._left[chosen] = 0.0, 0
-        return _rows(self._state, chosen)
+        return mapped(_rows(self._state, chosen), to_numpy)
 
     def step(self, u: np.ndarray, control_s: float) -> State:
         """Advance with u (n, m); RuntimeError when a world exceeds its capacity of contacts."""
         for rows, group in zip(self._rows, self._groups, strict=True):
-            self._left[rows] -= group.step(u[rows], control_s, self._force[rows], self._left[rows])
-        self._state = self._together([group.state() for group in self._groups])
+            _checked("step, u", u[rows], (len(rows), group.motors))
+        self.advance(u, control_s)
         return self.state()
+
+    def advance(self, u: Any, control_s: float) -> None:
+        """Advance with u (n, m), an array or a tensor; RuntimeError as `step`. Worlds with u that is not finite diverge."""
+        u = like(u, self._state.q)
+        for rows, index, group in zip(self._rows, self._index, self._groups, strict=True):
+            self._left[rows] -= group.step(u[index], control_s, self._force[rows], self._left[rows])
+        self._state = self._together([group.state() for group in self._groups])
 
     def push(self, force: np.ndarray, duration_s: float, which: Sequence[int] | None = None) -> None:
         """Push the objects of the worlds `which`, or of all, with force (k, 3)."""
@@ -94,7 +109,11 @@ class WarpWorlds:
 
     def state(self) -> State:
         """Return the current states."""
-        return _rows(self._state, np.arange(len(self.scenes)))
+        return mapped(self.tensors(), to_numpy)
+
+    def tensors(self) -> State:
+        """Return the current states as tensors on the device."""
+        return mapped(self._state, lambda x: x.clone())
 
     def save(self) -> Saved:
         """Return a token of all that the next step depends on."""
@@ -105,7 +124,7 @@ class WarpWorlds:
         for group, numbers in zip(self._groups, token.numbers, strict=True):
             group.restore(numbers)
         self._force, self._left = token.force.copy(), token.left.copy()
-        self._state = _rows(token.state, np.arange(len(self.scenes)))
+        self._state = mapped(token.state, lambda x: like(x, self._state.q))
         return self.state()
 
     def close(self) -> None:
@@ -113,9 +132,10 @@ class WarpWorlds:
 
     def _together(self, states: Sequence[State]) -> State:
         """Concatenate the states of the groups in the order of the worlds."""
-        order = np.argsort(np.concatenate(self._rows))
-        names = (f.name for f in fields(State))
-        whole: dict[str, Any] = {name: np.concatenate([getattr(state, name) for state in states])[order] for name in names}
+        if len(states) == 1:
+            return states[0]
+        torch, names = namespace(states[0].q), (f.name for f in fields(State))
+        whole: dict[str, Any] = {name: torch.concatenate([getattr(state, name) for state in states])[self._order] for name in names}
         return State(**whole)
 
 
@@ -128,21 +148,25 @@ class _Group:
         self._device = _device(self._warp, device)
         models = _compiled(scenes)
         self._at: Layout = layout(models[0], scenes[0])
-        self._limits = scene_limits(self.scene)
         with self._warp.ScopedDevice(self._device):
             self._model = _model(self._mjw, models)
             self._data = self._mjw.make_data(models[0], nworld=len(scenes), nconmax=CONTACTS, njmax=ROWS)
             self._mjw.forward(self._model, self._data)
+        self._warp.synchronize()
+        hand, first = self.scene.hand, self._tensor("qpos")
+        self._palm, self._at = int(self._at.links[hand.palm]), mapped(self._at, lambda x: like(x, first))
+        self._limits, self._com = like(scene_limits(self.scene), first), like(self.scene.body.com_m, first)
+        self._tip_link, self._tip_m = self._at.links[like(hand.fingers.tip_link, first)], like(hand.fingers.tip_m, first)
         self._graph: Any = None
         self._pushed = False
 
     def reset(self, which: np.ndarray, q: np.ndarray, body: np.ndarray) -> None:
         """Reset worlds `which` of the group to rest, joints at q (k, d), motors holding them."""
-        at, place = self._at, self._at.free[0] + np.arange(7)
+        at, place = mapped(self._at, to_numpy), self._at.free[0] + np.arange(7)
         q, body = _checked("reset, q", q, (len(which), len(at.q))), _checked("reset, body", body, (len(which), 7))
         mask = np.zeros(self._data.nworld, bool)
         mask[which] = True
-        with self._warp.ScopedDevice(self._device):
+        with self._computing():
             self._mjw.reset_data(self._model, self._data, self._warp.array(mask, dtype=bool))
             qpos, ctrl = self._numbers("qpos"), self._numbers("ctrl")
             qpos[np.ix_(which, at.q)], qpos[np.ix_(which, place)] = q, body[:, [0, 1, 2, 6, 3, 4, 5]]
@@ -151,16 +175,20 @@ class _Group:
             self._data.ctrl.assign(ctrl)
             self._mjw.forward(self._model, self._data)
 
-    def step(self, u: np.ndarray, control_s: float, force: np.ndarray, left: np.ndarray) -> np.ndarray:
+    @property
+    def motors(self) -> int:
+        """Width of a command."""
+        return len(self._at.motors)
+
+    def step(self, u: Any, control_s: float, force: np.ndarray, left: np.ndarray) -> np.ndarray:
         """Advance while the motors follow u (n, m), with `force` (n, 3) for the first `left` (n,) solver steps.
 
         Returns how many of those steps have passed.
         """
         count = solver_steps(control_s, self.scene.physics.rate_hz)
-        over, ctrl = left.clip(max=count), self._numbers("ctrl")
-        ctrl[:, self._at.motors] = _checked("step, u", u, (len(ctrl), len(self._at.motors))).clip(*self._limits.T)
-        with self._warp.ScopedDevice(self._device):
-            self._data.ctrl.assign(ctrl)
+        over, ctrl = left.clip(max=count), self._tensor("ctrl")
+        ctrl[:, self._at.motors] = u.clip(*self._limits.T).to(ctrl)
+        with self._computing():
             ends = np.unique([0, count, *over]).tolist()
             for start, end in pairwise(ends):
                 self._push(np.where((over > start)[:, None], force, 0.0))
@@ -173,42 +201,60 @@ class _Group:
         return {name: self._numbers(name) for name in MOVING}
 
     def restore(self, numbers: dict[str, np.ndarray]) -> None:
-        for name, array in numbers.items():
-            getattr(self._data, name).assign(array)
+        with self._computing():
+            for name, array in numbers.items():
+                getattr(self._data, name).assign(array)
 
     def state(self) -> State:
-        """Return states (n, ...); positions are current, forces are those of the last solver step."""
-        at, hand, n = self._at, self.scene.hand, self._data.nworld
-        place, turn, quaternion = (self._numbers(name).astype(np.float64) for name in ("xpos", "xmat", "xquat"))
-        qpos, qvel = (self._numbers(name).astype(np.float64) for name in ("qpos", "qvel"))
-        T = np.zeros((n, len(at.links), 4, 4))
-        T[..., :3, :3], T[..., :3, 3] = turn[:, at.links], place[:, at.links]
-        q, v = at.free
-        R, palm = turn[:, at.object], at.links[hand.palm]
+        """Return states (n, ...) as tensors; positions are current, forces are those of the last solver step."""
+        at, (q, v), torch = self._at, self._at.free, namespace(self._com)
+        place, turn, quaternion, qpos, qvel, torque = (self._tensor(name).double() for name in POSES)
+        R, palm, body_turn = turn[:, at.object], self._palm, qpos[:, q + 3 : q + 7]
         spin = (R @ qvel[:, v + 3 : v + 6, None])[..., 0]
+        tips = torch.einsum("nkij,kj->nki", turn[:, self._tip_link], self._tip_m) + place[:, self._tip_link]
         force, deepest, contacts = self._touching()
         return State(
-            q=qpos[:, at.q], qd=qvel[:, at.qd], torque=self._numbers("actuator_force").astype(np.float64)[:, at.motors],
-            tips=points_on_links(T, hand.fingers.tip_link, hand.fingers.tip_m),
-            palm=np.concatenate([place[:, palm], quaternion[:, palm][:, [1, 2, 3, 0]]], axis=1),
-            body=qpos[:, q + np.array([0, 1, 2, 4, 5, 6, 3])],
-            velocity=qvel[:, v : v + 3] + np.cross(spin, R @ self.scene.body.com_m), spin=spin, force=force,
-            penetration_m=deepest, contacts=contacts)  # type: ignore[arg-type]  # (n,) for numbers  # fmt: skip
+            q=qpos[:, at.q], qd=qvel[:, at.qd], torque=torque[:, at.motors], tips=tips,
+            palm=torch.concatenate([place[:, palm], quaternion[:, palm].roll(-1, 1)], axis=1),
+            body=torch.concatenate([qpos[:, q : q + 3], body_turn.roll(-1, 1)], axis=1),
+            velocity=qvel[:, v : v + 3] + torch.linalg.cross(spin, R @ self._com), spin=spin, force=force, penetration_m=deepest,
+            contacts=contacts)  # fmt: skip
 
-    def _touching(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _touching(self) -> tuple[Any, Any, Any]:
         """Measure contacts of the hand with the object.
 
-        (n, fingers + 1, parts) newtons, (n,) depth of the deepest contact, (n,) number of contacts.
+        (n, fingers + 1, parts) newtons, (n,) depth of the deepest contact, (n,) number of contacts. All places of the capacity are
+        summed, with 0 in those without such a contact, so that their number stays on the device.
         """
-        n, contact, count = self._data.nworld, self._data.contact, int(self._data.nacon.numpy()[0])
-        geom, of, row, dist = (getattr(contact, name).numpy()[:count] for name in ("geom", "worldid", "efc_address", "dist"))
-        finger, part, row = self._at.finger[geom].max(axis=1), self._at.part[geom].max(axis=1), row[:, 0]
-        touch = (finger >= 0) & (part >= 0) & (row >= 0)
-        of, row = of[touch], row[touch]
-        force, deepest = np.zeros((n, len(self.scene.hand.fingers.name) + 1, self.parts)), np.zeros(n)
-        np.add.at(force, (of, finger[touch], part[touch]), self._data.efc.force.numpy()[of, row])
-        np.maximum.at(deepest, of, -dist[touch].astype(np.float64))
-        return force, deepest, np.bincount(of, minlength=n)
+        n, fingers, torch = self._data.nworld, len(self.scene.hand.fingers.name) + 1, namespace(self._com)
+        geom, of, row, dist = (self._warp.to_torch(getattr(self._data.contact, name)) for name in CONTACT)
+        number = torch.arange(len(of), device=of.device)
+        geom = geom.long().clip(0, len(self._at.part) - 1)
+        finger, part, row = self._at.finger[geom].amax(dim=1), self._at.part[geom].amax(dim=1), row[:, 0].long()
+        touch = (number < self._tensor("nacon")) & (finger >= 0) & (part >= 0) & (row >= 0)
+        of, finger, part, row = (torch.where(touch, x, other) for x, other in ((of, number % n), (finger, 0), (part, 0), (row, 0)))
+        pressed = torch.where(touch, self._warp.to_torch(self._data.efc.force)[of, row], 0.0).double()
+        depth = torch.where(touch, -dist.double(), 0.0)
+        zero = torch.zeros(n * fingers * self.parts, dtype=torch.float64, device=of.device)
+        force = zero.index_add(0, (of * fingers + finger) * self.parts + part, pressed).reshape(n, fingers, self.parts)
+        none = torch.zeros(n, dtype=torch.float64, device=of.device)
+        return force, none.scatter_reduce(0, of, depth, "amax"), none.index_add(0, of, touch.double()).long()
+
+    @contextmanager
+    def _computing(self) -> Iterator[None]:
+        """Context of the engine's work, in order with torch's: on a GPU, each has its own stream and waits for the other's."""
+        with self._warp.ScopedDevice(self._device):
+            if self._device == "cpu":
+                yield
+                return
+            own, other = self._warp.get_stream(), self._warp.stream_from_torch(self._com.device)
+            own.wait_stream(other)
+            yield
+            other.wait_stream(own)
+
+    def _tensor(self, name: str) -> Any:
+        """Return a field as tensor, without a copy."""
+        return self._warp.to_torch(getattr(self._data, name))
 
     def _numbers(self, name: str) -> np.ndarray:
         """Return a copy of a field."""
@@ -286,9 +332,11 @@ def _model(mjw: Any, models: Sequence[Any]) -> Any:
 
 
 def _rows(state: State, which: np.ndarray) -> State:
-    return State(**{f.name: getattr(state, f.name)[which] for f in fields(State)})
+    return mapped(state, lambda x: x[which])
 
 
 def _put(state: State, which: np.ndarray, some: State) -> None:
+    """Set the rows `which` of a state in place."""
+    at = like(which, state.q)
     for f in fields(State):
-        getattr(state, f.name)[which] = getattr(some, f.name)
+        getattr(state, f.name)[at] = getattr(some, f.name)

@@ -11,7 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields, replace
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
-from typing import Any, Protocol, cast
+from typing import Any, Protocol, cast, runtime_checkable
 
 import numpy as np
 
@@ -337,6 +337,17 @@ class WorldBatch(Protocol):
 
     def close(self) -> None:
         """Release the engine; closing twice is allowed."""
+
+
+@runtime_checkable
+class DeviceBatch(WorldBatch, Protocol):
+    """Batch of worlds of an engine that computes them together on a device, where torch reads and commands them without a copy."""
+
+    def advance(self, u: Any, control_s: float) -> None:
+        """Advance all worlds with commands u (n, m), an array or a tensor."""
+
+    def tensors(self) -> State:
+        """Return the current states as tensors on the device."""
 
 
 def world_batch(engine: str, scenes: Sequence[Scene], threads: int = 1, processes: int = 1, device: str = "cpu") -> WorldBatch:
