@@ -236,8 +236,8 @@ def main() -> None:
     for name in names:
         recipe = RECIPES[name]
         if name == "twohands" and args.photographs:
-            shown = f"still_render.photographs={args.photographs}"
-            recipe = replace(recipe, stills=tuple((*sets, shown) if CYCLES in sets else sets for sets in recipe.stills))
+            shown = (f"still_render.photographs={args.photographs}", f"tool_render.photographs={args.photographs}")
+            recipe = replace(recipe, stills=tuple((*sets, *shown) if CYCLES in sets else sets for sets in recipe.stills))
         made_files = made(name, recipe, runner)
         print(f"{name}: {write(name, recipe, *made_files) / 1e6:.1f} MB", flush=True)
     total = sum(path.stat().st_size for path in FOLDER.rglob("*") if path.is_file())
