@@ -249,7 +249,7 @@ def page(kept: dict[str, list[str]]) -> str:
         "# Memory of large two-hand models, planned and measured", "",
         "Written by `benchmarks/bench_memory_plan.py`. What is counted: [checkpoints](../docs/checkpoints.md#memory).", "",
         f"Random model of 306 M parameters at {SIDE} px on a CPU, each run in a process of its own: anonymous memory and the",
-        "mapped pages of the model's files. Trainings are of batch 2 with gradient checkpointing, where no more is said. GiB.", "",
+        "mapped pages of the model's files. Trainings are of batch 2 with gradient checkpointing, unless named otherwise. GiB.", "",
         "| run | type | planned | measured | planned / measured |", "|---|---|--:|--:|--:|", *small, "",
         "Published sizes on a GPU, memory of torch alone (the context of CUDA takes about 0.6 GiB more), beside",
         "[measured figures](gpu.md). Trainings are the paper's recipe with gradient checkpointing. GiB.", "",

@@ -41,7 +41,7 @@ def held_mib(how: str) -> float:
 
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc" or sys.platform != "linux", reason="an allocator without this setting")
 def test_freed_blocks_below_a_used_one_are_returned() -> None:
-    """By default they stay with the process, whose heap ends with the used block."""
+    """The default keeps them in the heap of the process, which ends with the used block."""
     one = SIZE / MIB
     assert held_mib("kept") > 0.9 * COUNT * one
     assert held_mib("returned") < 2 * one
