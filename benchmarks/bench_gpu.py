@@ -15,6 +15,7 @@ import json
 import statistics
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -154,68 +155,55 @@ def published(root: Path, size: str) -> Path:
 
 
 def lora(args: argparse.Namespace) -> Figures:
-    """One step of the paper's training of the 7B model: two samples, gradient checkpointing, AdamW over what is trained."""
-    from afford.twohands.model.interface import Batch, ModelConfig, Target, build
-    from afford.twohands.model.large import compute_buffers
-    from afford.twohands.model.losses import LossParams, losses
-    from tests.helpers.large_models import write_backbones
-
-    with TemporaryDirectory(dir=args.scratch) as scratch, torch.device("meta"):
-        folder = write_backbones(Path(scratch), "7b")
-        model = build(ModelConfig(variant="vlm", size_px=(1024, 1024), hypotheses=1, backbones=str(folder)), 0, pretrained=False)
-    model = on_device(model, torch.bfloat16)
-    compute_buffers(model)
-    model.to("cuda").train()
-    model.get_submodule("vlm").gradient_checkpointing_enable()
-    trained = [parameter for parameter in model.parameters() if parameter.requires_grad]
-    optimiser = torch.optim.AdamW(trained, lr=1e-5)
-    batch = Batch(torch.rand(2, 3, 1024, 1024, device="cuda"), ("pour tea", "open the jar"))
-    masks = torch.zeros(2, 2, 1024, 1024, device="cuda")
-    masks[:, :, 300:600, 300:600] = 1
-    target = Target(masks, torch.ones(2, 2, dtype=torch.bool, device="cuda"), torch.tensor([2, 1], device="cuda"))
-
-    def step() -> None:
-        losses(model(batch), target, LossParams())["total"].backward()
-        optimiser.step()
-        optimiser.zero_grad()
-
-    torch.cuda.reset_peak_memory_stats()
-    took = seconds(step, 3)
-    count = sum(parameter.numel() for parameter in trained)
+    """One LoRA step of the 7B model, all of it in bfloat16: two samples, gradient checkpointing, AdamW over what is trained."""
+    with TemporaryDirectory(dir=args.scratch) as scratch:
+        job, model = paper_training(Path(scratch), 2)
+    took = step_s(replace(job, plan=replace(job.plan, bf16=False)), model)
+    count = sum(parameter.numel() for parameter in model.parameters() if parameter.requires_grad)
     return {"7B: one LoRA step, 2 samples, bfloat16, checkpointed": f"{took:.2f} s, {peak_gib()}, {count / 1e6:.0f} M trained"}
 
 
 def frozen(args: argparse.Namespace) -> Figures:
     """One step of the paper's recipe for the 7B model, frozen weights kept in bfloat16, beside the planned memory."""
+    from afford.models.loading import dtype_of
+    from afford.twohands.model.frozen_weights import store_frozen
+    from afford.twohands.model.memory_plan import GIB
     from afford.twohands.train.memory_plan import plan_training
-    from benchmarks.bench_memory_plan import GIB, published_config, published_job
 
     out: Figures = {}
     for count in (1, 2):
         with TemporaryDirectory(dir=args.scratch) as scratch:
-            job = published_job(published_config(Path(scratch), "7b"), "bfloat16", count)
+            job, model = paper_training(Path(scratch), count)
             planned = plan_training(job).needed / GIB
-            took = frozen_step_s(job)
+        store_frozen(model, dtype_of(job.frozen_dtype))
+        took = step_s(job, model)
         out[f"7B: one step of the paper's recipe, frozen weights in bfloat16, batch {count}"] = (
             f"{took:.2f} s, {peak_gib()}; planned {planned:.1f} GiB")
+        del model
     return out
 
 
-def frozen_step_s(job: TwoHandsJob) -> float:
-    """Seconds of a step of a job with frozen weights of another type, random weights."""
-    from afford.models.loading import dtype_of
-    from afford.training.loop import autocast
-    from afford.twohands.model.frozen_weights import store_frozen
-    from afford.twohands.model.interface import Batch, Target, build
+def paper_training(folder: Path, batch: int) -> tuple[TwoHandsJob, nn.Module]:
+    """Job of the paper's recipe for the 7B model, frozen weights in bfloat16, and a random model in bfloat16 on the GPU."""
+    from afford.twohands.model.interface import build
     from afford.twohands.model.large import compute_buffers
-    from afford.twohands.model.losses import losses
+    from benchmarks.bench_memory_plan import published_config, published_job
 
+    job = published_job(published_config(folder, "7b"), "bfloat16", batch)
     with torch.device("meta"):
-        model = build(job.config, 0, pretrained=False)
+        model: nn.Module = build(job.config, 0, pretrained=False)
     model = on_device(model, torch.bfloat16)
     compute_buffers(model)
-    store_frozen(model.to("cuda"), dtype_of(job.frozen_dtype))
-    model.train().get_submodule("vlm").gradient_checkpointing_enable({"use_reentrant": False})
+    return job, model.to("cuda")
+
+
+def step_s(job: TwoHandsJob, model: nn.Module) -> float:
+    """Seconds of a step of a job on the GPU, of one micro-batch, with gradient checkpointing."""
+    from afford.training.loop import autocast
+    from afford.twohands.model.interface import Batch, Target
+    from afford.twohands.model.losses import losses
+
+    model.train().get_submodule("vlm").gradient_checkpointing_enable({"use_reentrant": False})  # type: ignore[operator]
     optimiser = torch.optim.AdamW([parameter for parameter in model.parameters() if parameter.requires_grad], lr=1e-5)
     count, side = job.batch, job.config.size_px[0]
     batch = Batch(torch.rand(count, 3, side, side, device="cuda"), ("pour tea",) * count)

@@ -1,10 +1,11 @@
 """Compare planned with measured memory of large two-hand models; writes benchmarks/memory_plan.md.
 
-    PYTHONPATH=. python benchmarks/bench_memory_plan.py [--scratch DIR]
+    PYTHONPATH=. python benchmarks/bench_memory_plan.py [PART ...] [--scratch DIR]
 
 A random model of 306 M parameters is run on a CPU, each time in a process of its own. Measured is the largest sum of its anonymous
 memory and of the mapped pages of the model's files, which also hold frozen weights in training. Models of published size are
-planned only, beside the figures of benchmarks/gpu.md.
+planned only, beside the figures of benchmarks/gpu.md. Rows of parts that ran before stay in benchmarks/memory_plan.json. A training
+takes two minutes of a core, all parts ten.
 """
 
 from __future__ import annotations
@@ -13,13 +14,16 @@ import argparse
 import gc
 import json
 import re
+import shutil
 import subprocess
 import sys
+import textwrap
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 import torch
@@ -37,19 +41,23 @@ from afford.twohands.model.predictor import Predictor
 from afford.twohands.train.job import TwoHandsJob
 from afford.twohands.train.memory_plan import plan_training
 from benchmarks.bench_gpu import FIGURES
-from benchmarks.bench_weights_import import anonymous_mib
+from benchmarks.bench_weights_import import anonymous_mib, resident_mib
 from benchmarks.pages import ROOT
 from stages.extraction import dataset_pack
 from stages.twohands import model_train
 from tests.helpers.large_models import write_backbones
 from tests.helpers.made_samples import Scratch, clip
 
-PAGE = ROOT / "benchmarks" / "memory_plan.md"
+PAGE, KEPT = ROOT / "benchmarks" / "memory_plan.md", ROOT / "benchmarks" / "memory_plan.json"
 SIDE, WORDS = 512, 8003
 SAMPLES = {"train": 4, "val": 1}
 TYPES = ("float32", "bfloat16")
-KINDS = {"train": True}
-"""kind of a training -> gradient checkpointing"""
+KINDS: dict[str, dict[str, Any]] = {"train": {}, "train, batch 1, not checkpointed": {"batch": 1, "checkpointing": False}}
+"""kind of a training -> what it changes in the paper's recipe: batch 2, with gradient checkpointing"""
+LIBRARY, PUBLISHED = "libraries", "published"
+SMALL = (LIBRARY, *(f"{kind}, {dtype}" for dtype in TYPES for kind in ("predict", *KINDS)))
+"""parts of the random model"""
+PARTS = (*SMALL, PUBLISHED)
 
 
 def write_small(folder: Path, dtype: torch.dtype) -> Path:
@@ -71,10 +79,11 @@ def write_small(folder: Path, dtype: torch.dtype) -> Path:
     return folder
 
 
-def settings(folder: Path, dtype: str, checkpointing: bool) -> model_train.Params:
+def settings(folder: Path, dtype: str, kind: str) -> model_train.Params:
     """Parameters of a training of two steps, with a validation after each."""
-    return replace(model_train.VLM, backbones=str(folder), height_px=SIDE, width_px=SIDE, steps=2, warmup=1, accumulate=1,
-                   validate_every=1, val_samples=SAMPLES["val"], frozen_dtype=dtype, checkpointing=checkpointing)  # fmt: skip
+    recipe = replace(model_train.VLM, backbones=str(folder), height_px=SIDE, width_px=SIDE, steps=2, warmup=1, accumulate=1,
+                     validate_every=1, val_samples=SAMPLES["val"], frozen_dtype=dtype)  # fmt: skip
+    return replace(recipe, **KINDS[kind])
 
 
 def run(kind: str, scratch: Path, dtype: str) -> None:
@@ -90,7 +99,7 @@ def run(kind: str, scratch: Path, dtype: str) -> None:
         from afford.training.train import train_job
 
         (scratch / "run").mkdir()
-        job = model_train.training_job(settings(folder, dtype, KINDS[kind]))  # the stage's own job
+        job = model_train.training_job(settings(folder, dtype, kind))  # the stage's own job
         train_job(job, tree("set", scratch / "set"), "vlm", Scratch(scratch / "run"), 1)
 
 
@@ -100,8 +109,8 @@ def measured(kind: str, scratch: Path, dtype: str) -> float:
     most = mapped = looked = 0.0
     with subprocess.Popen(command) as process:
         while process.poll() is None:
-            if time.monotonic() - looked > 0.2:
-                mapped, looked = mapped_gib(process.pid), time.monotonic()
+            if abs(resident_mib(process.pid, "RssFile") - looked) > 8:  # a look holds the process up
+                mapped, looked = mapped_gib(process.pid), resident_mib(process.pid, "RssFile")
             most = max(most, anonymous_mib(process.pid) / 1024 + mapped)
             time.sleep(0.02)
     if process.returncode:
@@ -132,25 +141,27 @@ def write_set(scratch: Path) -> Path:
     return scratch / "set"
 
 
-def small_rows(scratch: Path) -> list[str]:
-    """Rows of the random model: planned, measured, ratio."""
-    write_set(scratch)
-    rows = [f"| libraries | | {LIBRARIES / GIB:.2f} | {(found := measured('libraries', scratch, '')):.2f} "
-            f"| {LIBRARIES / GIB / found:.2f} |"]  # fmt: skip
-    for dtype in TYPES:
-        folder = write_small(scratch / dtype, getattr(torch, dtype))
-        config = read_config(folder / "model")
-        plans = {"predict": plan_folder(folder / "model", config, "", "cpu", 1)}
-        for kind, checkpointing in KINDS.items():
-            job = model_train.training_job(settings(folder, dtype, checkpointing))
-            plans[kind] = plan_training(job, SAMPLES["train"], SAMPLES["val"])
-        for kind, plan in plans.items():
-            found = measured(kind, scratch, dtype)
-            rows.append(f"| {kind} | {dtype} | {plan.total / GIB:.2f} | {found:.2f} | {plan.total / GIB / found:.2f} |")
-            print(rows[-1], plan.parts(), flush=True)
-            for left in scratch.glob("run"):
-                subprocess.run(["rm", "-r", str(left)], check=True)
-    return rows
+def small_row(part: str, scratch: Path) -> str:
+    """Row of a part of the random model: planned, measured, ratio."""
+    if part == LIBRARY:
+        return compared("libraries | ", LIBRARIES, measured(LIBRARY, scratch, ""))
+    kind, _, dtype = part.rpartition(", ")
+    folder = scratch / dtype
+    if not folder.exists():
+        write_small(folder, getattr(torch, dtype))
+    if kind == "predict":
+        plan = plan_folder(folder / "model", read_config(folder / "model"), "", "cpu", 1)
+    else:
+        plan = plan_training(model_train.training_job(settings(folder, dtype, kind)), SAMPLES["train"], SAMPLES["val"])
+    print(part, plan.parts(), flush=True)
+    found = measured(kind, scratch, dtype)
+    shutil.rmtree(scratch / "run", ignore_errors=True)
+    return compared(f"{kind} | {dtype}", plan.total, found)
+
+
+def compared(name: str, planned: int, measured_gib: float) -> str:
+    """Row with planned and measured GiB."""
+    return f"| {name} | {planned / GIB:.2f} | {measured_gib:.2f} | {planned / GIB / measured_gib:.2f} |"
 
 
 def published_config(folder: Path, size: str) -> ModelConfig:
@@ -207,8 +218,8 @@ def on_gpu(scratch: Path, dtype: str) -> Iterator[tuple[str, int, int]]:
     planned = plan_folder(folder / "model", read_config(folder / "model"), "", "cuda", 1).needed + WORKSPACE
     yield "predict", planned, most_on_gpu(lambda: Predictor(folder / "model", "cuda").predict(
         np.zeros((SIDE, SIDE, 3), np.uint8), "pour tea from the kettle"))  # fmt: skip
-    for kind, checkpointing in KINDS.items():
-        job = model_train.training_job(replace(settings(folder, dtype, checkpointing), device="cuda"))
+    for kind in KINDS:
+        job = model_train.training_job(replace(settings(folder, dtype, kind), device="cuda"))
         (scratch / kind).mkdir()
         yield kind, plan_training(job, SAMPLES["train"], SAMPLES["val"]).needed + WORKSPACE, most_on_gpu(
             lambda job=job, kind=kind: train_job(job, tree("set", data), "vlm", Scratch(scratch / kind), 1))
@@ -230,9 +241,25 @@ def row(name: str, planned: int, figure: str) -> str:
     return f"| {name} | {planned / GIB:.1f} | {found[1] if found else ''} | {ratio} |"
 
 
+def page(kept: dict[str, list[str]]) -> str:
+    """Write the Markdown page."""
+    small, missing = [row for part in SMALL for row in kept.get(part, [])], [part for part in PARTS if part not in kept]
+    left = [textwrap.fill(f"Not measured: {'; '.join(missing)}.", 130), ""] if missing else []
+    return "\n".join((
+        "# Memory of large two-hand models, planned and measured", "",
+        "Written by `benchmarks/bench_memory_plan.py`. What is counted: [checkpoints](../docs/checkpoints.md#memory).", "",
+        f"Random model of 306 M parameters at {SIDE} px on a CPU, each run in a process of its own: anonymous memory and the",
+        "mapped pages of the model's files. Trainings are of batch 2 with gradient checkpointing, unless named otherwise. GiB.", "",
+        "| run | type | planned | measured | planned / measured |", "|---|---|--:|--:|--:|", *small, "",
+        "Published sizes on a GPU, memory of torch alone (the context of CUDA takes about 0.6 GiB more), beside",
+        "[measured figures](gpu.md). Trainings are the paper's recipe with gradient checkpointing. GiB.", "",
+        "| run | planned | measured | planned / measured |", "|---|--:|--:|--:|", *kept.get(PUBLISHED, []), "", *left))
+
+
 def main() -> None:
-    """Measure the random model, plan the published sizes, write the page."""
+    """Measure the random model, plan the published sizes, write the page after each part."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("parts", nargs="*", default=PARTS, metavar="PART", help="; ".join(PARTS))
     parser.add_argument("--scratch", type=Path)
     parser.add_argument("--run", help="kind of a measured process")
     parser.add_argument("--dtype", default="")
@@ -240,17 +267,14 @@ def main() -> None:
     if args.run:
         run(args.run, args.scratch, args.dtype)
         return
+    kept = json.loads(KEPT.read_text()) if KEPT.is_file() else {}
     with TemporaryDirectory(dir=args.scratch) as scratch:
-        small, published = small_rows(Path(scratch)), published_rows(Path(scratch))
-    PAGE.write_text("\n".join((
-        "# Memory of large two-hand models, planned and measured", "",
-        "Written by `benchmarks/bench_memory_plan.py`. What is counted: [checkpoints](../docs/checkpoints.md#memory).", "",
-        f"Random model of 306 M parameters at {SIDE} px on a CPU, each run in a process of its own: anonymous memory and the",
-        "mapped pages of the model's files; trainings with gradient checkpointing. GiB.", "",
-        "| run | type | planned | measured | planned / measured |", "|---|---|--:|--:|--:|", *small, "",
-        "Published sizes on a GPU, memory of torch alone (the context of CUDA takes about 0.6 GiB more), beside",
-        "[measured figures](gpu.md). Trainings are the paper's recipe with gradient checkpointing. GiB.", "",
-        "| run | planned | measured | planned / measured |", "|---|--:|--:|--:|", *published, "")))
+        write_set(Path(scratch))
+        for part in args.parts:
+            kept[part] = published_rows(Path(scratch)) if part == PUBLISHED else [small_row(part, Path(scratch))]
+            print("\n".join(kept[part]), flush=True)
+            KEPT.write_text(json.dumps(kept, indent=1) + "\n")
+            PAGE.write_text(page(kept))
 
 
 if __name__ == "__main__":

@@ -27,11 +27,16 @@ VIT_H = {"hidden_size": 1280, "num_hidden_layers": 32, "num_attention_heads": 16
 
 def anonymous_mib(process: int) -> float:
     """Anonymous memory of a process now."""
+    return resident_mib(process, "RssAnon")
+
+
+def resident_mib(process: int, kind: str) -> float:
+    """Resident memory of a process now, of a kind in its status: anonymous, or of files (RssFile)."""
     try:
         lines = Path(f"/proc/{process}/status").read_text().splitlines()
     except OSError:
         return 0.0
-    return next((int(line.split()[1]) / 1024 for line in lines if line.startswith("RssAnon")), 0.0)
+    return next((int(line.split()[1]) / 1024 for line in lines if line.startswith(f"{kind}:")), 0.0)
 
 
 def measure(*arguments: str) -> tuple[float, float]:

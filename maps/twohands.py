@@ -35,7 +35,7 @@ vlm: the paper's model; lisa: the same with one mask of the whole object, as LIS
 rendered videos"""
 
 
-def recipes(rows: Iterable[str], seeds: int, pretrained: bool = False) -> tuple[Recipe, ...]:
+def recipes(rows: Iterable[str], seeds: int, pretrained: bool = False, sizes: str = "") -> tuple[Recipe, ...]:
     """Plan the trainings of the ablation: all rows with seed 0, then all rows with seed 1, and so on.
 
     So an ablation that is stopped early has results of each row. Without `pretrained` backbones, rows of the variant vlm are short.
@@ -45,8 +45,8 @@ def recipes(rows: Iterable[str], seeds: int, pretrained: bool = False) -> tuple[
     if unknown or seeds < 1:
         raise ValueError(f"ablation: expected rows of {', '.join(ROWS)} and at least one seed, got {unknown or seeds}")
     short = {} if pretrained else {row: {"steps": TINY_STEPS} for row in rows if ROWS[row].get("variant") == "vlm"}
-    return tuple(Recipe(name=f"{row}-{seed}", row=row, seed=seed, pretrained=pretrained, **FULL | ROWS[row] | short.get(row, {}))
-                 for seed in range(seeds) for row in rows)  # fmt: skip
+    return tuple(Recipe(name=f"{row}-{seed}", row=row, seed=seed, pretrained=pretrained, sizes=sizes,
+                        **FULL | ROWS[row] | short.get(row, {})) for seed in range(seeds) for row in rows)  # fmt: skip
 
 
 def training_data(g: Graph, origin: Origin, p: Settings) -> FileTree:
@@ -116,7 +116,9 @@ def measure(g: Graph, origin: Origin, p: Settings) -> None:
 
 def ablate(g: Graph, origin: Origin, p: Settings) -> None:
     """Ablate parts of the model: several trainings of each row, scored on held-out stills; with --minutes, those that finish."""
-    planned = recipes(p.twohands.ablation_report.rows, p.twohands.ablation_report.seeds, bool(p.twohands.model_train.backbones))
+    chosen  = p.twohands.model_train
+    sizes   = "small" if chosen.variant == "lite" else ""  # no row has the encoder of lite, nor its sizes
+    planned = recipes(p.twohands.ablation_report.rows, p.twohands.ablation_report.seeds, bool(chosen.backbones), sizes)
     cases   = stills_to_measure(g, p)
     by_data = {name: tuple(recipe for recipe in planned if recipe.data == name) for name in ("stills", "extracted")}
     data_of = {"stills": stills_to_train, "extracted": lambda g, p: mined(g, origin, p)}
@@ -131,12 +133,9 @@ def train_and_score(g: Graph, cases: FileTree, dataset: FileTree, planned: tuple
                     p: Settings) -> tuple[MethodScores, ...]:  # fmt: skip
     """Train all recipes on one data set, predict the cases and score the predictions."""
     of      = "" if planned[0].data == "stills" else f"{planned[0].data}_"
-    steps   = p.twohands.ablation_report.steps or p.twohands.model_train.steps
+    chosen  = p.twohands.model_train
+    steps   = p.twohands.ablation_report.steps or chosen.steps
     recipe  = g.each(g.leaf(f"{of}recipes", planned))
-    chosen, small = p.twohands.model_train, model_train.Params()
-    if chosen.variant == "lite":  # no row has its encoder; rows are trained at the size of `small`
-        chosen  = replace(chosen, variant=small.variant, height_px=small.height_px, width_px=small.width_px,
-                          coarse_share=small.coarse_share, validate_every=small.validate_every)  # fmt: skip
     started = weights(g, p, "model_train") if chosen.backbones else {}
     trained = g.named(f"{of}model_train").add(model_train.run, dataset=dataset, recipe=recipe, ctx=g.ctx,
                                               params=replace(chosen, steps=steps), **started)

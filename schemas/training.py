@@ -28,6 +28,7 @@ class Recipe(Schema):
     pretrained: bool = value("whether the backbones of clip and vlm were trained before; without, they are tiny and random")
     taxonomy: bool = value("whether it learns which hands act")
     steps: int = value("most steps of its training, 0 for as many as the other rows")
+    sizes: str = value("variant whose input size and schedule of validations it has; '' for those of the stage", default="")
 
 
 @dataclass(frozen=True)

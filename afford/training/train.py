@@ -19,7 +19,13 @@ ROOT = Path(__file__).resolve().parent.parent.parent
 
 
 def train_job(job: Job[Batch], dataset: FileTree, name: str, ctx: Context, threads: int, devices: int = 1) -> Trained:
-    """Train on `devices` processes, each with a device of its own; a killed training resumes from the scratch folder."""
+    """Train on `devices` processes, each with a device of its own; a killed training resumes from the scratch folder.
+
+    ValueError for several processes on one numbered GPU.
+    """
+    if devices > 1 and ":" in job.plan.device:
+        raise ValueError(f"device: expected cpu or cuda for a training on {devices} devices, got {job.plan.device!r}, which is one "
+                         "GPU; set device=cuda, and CUDA_VISIBLE_DEVICES to choose which")
     job.prepare({file.name: file.path for file in dataset.files}, ctx.scratch)
     if devices > 1:
         launch(job, ctx.scratch, devices, ctx.progress)

@@ -123,6 +123,8 @@ RELEASE = replace(QUICK, recipe="release", height_px=192, width_px=256, steps=30
 """parameters of the shipped model"""
 CODE = {"loss_mode": "code", "mask_loss": "bce", "lr": 1e-3}
 """parameters in which the released script differs from the paper"""
+SIZES = ("height_px", "width_px", "coarse_share", "validate_every")
+"""parameters that a recipe takes from its `sizes`"""
 
 
 def run(dataset: FileTree, params: Params, ctx: Context, recipe: Recipe | None = None,
@@ -154,8 +156,10 @@ def training_job(p: Params, recipe: Recipe | None = None) -> TwoHandsJob:
         raise ValueError("model_train: variant lite needs the image encoder EfficientNet-Lite0, which set-up could not fetch; run "
                          "`python install/image_encoder.py`, or set model_train.variant=small")
     if recipe is not None:
+        sized = {"": p, "small": Params()}[recipe.sizes]
         p = replace(p, variant=recipe.variant, hypotheses=recipe.hypotheses, text=recipe.text, decoders=recipe.decoders,
-                    target=recipe.target, seed=recipe.seed, steps=min(recipe.steps or p.steps, p.steps))
+                    target=recipe.target, seed=recipe.seed, steps=min(recipe.steps or p.steps, p.steps),
+                    **{name: getattr(sized, name) for name in SIZES})
     allowed = tuple(DTYPES) if p.variant == "vlm" else ("float32",)
     if p.frozen_dtype not in allowed:
         raise ValueError(f"model_train.frozen_dtype: expected {', '.join(allowed)} for variant {p.variant}, got {p.frozen_dtype!r}")

@@ -24,6 +24,7 @@ from pipeline import build
 from runner import Graph
 from schemas.files import FileRef, FileTree
 from schemas.scene import RenderedClip
+from stages.twohands.model_train import training_job
 from tests.helpers.tiny_root import digest
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -139,15 +140,19 @@ def test_the_initial_weights_of_a_training_are_an_input(model: Path) -> None:
 
 def test_rows_of_the_ablation_have_the_named_parts_alone(model: Path) -> None:
     """Parts that are named are an input, the encoder of set-up is not; without a variant the rows have the size of `small`."""
-    for sets, wanted in (([], ""), ([f"model_train.backbones={model}"], "model"),
-                         ([f"model_train.backbones={model}", "model_train.variant=clip"], "model")):
+    sides = "model_train.height_px=64", "model_train.width_px=96"
+    for sets, wanted, size in (([], "", (128, 160)), ([f"model_train.backbones={model}", *sides], "model", (128, 160)),
+                               ([f"model_train.backbones={model}", "model_train.variant=clip"], "model", (1024, 1024)),
+                               (["model_train.variant=small", *sides], "", (64, 96))):
         chosen = resolve_weights(settings(sets, None), digest)
         given = replace(chosen, weights=(("model_train", FileTree("encoder", ())), *chosen.weights) if not sets else chosen.weights)
-        trainings = [node for node in build("ablation", Origin("x"), given).stages() if node.name.endswith("model_train")]
+        graph = build("ablation", Origin("x"), given)
+        trainings = [node for node in graph.stages() if node.name.endswith("model_train")]
         assert trainings and all(("weights" in dict(node.inputs)) == bool(wanted) for node in trainings)
         assert {node.params.backbones for node in trainings} == {wanted}
-        assert {node.params.variant for node in trainings} == {"clip" if len(sets) > 1 else "small"}
-        assert len(sets) > 1 or {(node.params.height_px, node.params.width_px) for node in trainings} == {(128, 160)}
+        planned = next(node.value for node in graph.nodes if node.name == "recipes")
+        full = next(recipe for recipe in planned if recipe.row == "full")
+        assert {training_job(node.params, full).config.size_px for node in trainings} == {size}
 
 
 @pytest.mark.parametrize(("name", "message"), [

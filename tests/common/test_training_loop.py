@@ -298,3 +298,10 @@ def test_deterministic_algorithms_on_every_gpu(device: str, wanted: bool, tmp_pa
     with pytest.raises(KilledError):
         train_job(job, FileTree("none", ()), "toy", SimpleNamespace(scratch=tmp_path, progress=print), 1)
     assert found == [wanted] and not torch.are_deterministic_algorithms_enabled()
+
+
+def test_several_devices_are_not_one_numbered_gpu(tmp_path: Path) -> None:
+    """Two processes on `cuda:1` would share it; refused before anything is prepared."""
+    job = SimpleNamespace(plan=replace(PLAN, device="cuda:1"))
+    with pytest.raises(ValueError, match=r"expected cpu or cuda for a training on 2 devices, got 'cuda:1', which is one GPU"):
+        train_job(job, FileTree("none", ()), "toy", SimpleNamespace(scratch=tmp_path, progress=print), 1, devices=2)

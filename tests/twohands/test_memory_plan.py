@@ -19,7 +19,7 @@ from afford.twohands.model.frozen_weights import store_frozen
 from afford.twohands.model.interface import Batch, Target, TwoHands, build
 from afford.twohands.model.large import plan_folder
 from afford.twohands.model.losses import LossParams, losses
-from afford.twohands.model.memory_plan import GIB, MemoryPlan, check_room
+from afford.twohands.model.memory_plan import GIB, MemoryPlan, make_room
 from afford.twohands.model.model_folder import load_model, read_config, save_model
 from afford.twohands.train import memory_plan as training
 from afford.twohands.train.job import TwoHandsJob
@@ -51,10 +51,13 @@ def job(folder: Path, **change: object) -> TwoHandsJob:
     return model_train.training_job(replace(params, **change))  # type: ignore[arg-type]
 
 
-def free(monkeypatch: pytest.MonkeyPatch, size: int) -> None:
-    """Pretend that a device has this much memory, and that every model is a large one."""
+def free(monkeypatch: pytest.MonkeyPatch, size: int) -> list[bool]:
+    """Pretend that a device has this much memory, and that every model is a large one; the list has an item a setting of malloc."""
+    settings: list[bool] = []
+    monkeypatch.setattr(memory_plan, "return_freed_blocks", lambda: settings.append(True))
     monkeypatch.setattr(memory_plan, "free_bytes", lambda device: size)
     monkeypatch.setattr(memory_plan, "LARGE", 0)
+    return settings
 
 
 def test_peak_counts_tensors_that_live_at_once() -> None:
@@ -173,8 +176,9 @@ def test_a_training_is_refused_with_what_helps(backbones: Path, monkeypatch: pyt
 
     usual = job(backbones, batch=4, checkpointing=True)
     monkeypatch.setattr(training, "plan_training", planned)
-    free(monkeypatch, 12)
+    settings = free(monkeypatch, 12)
     check_training(usual, 8, 2)
+    assert settings
     fewer = r"set model_train\.batch=1 with .*=4"
     both = rf"{fewer} and model_train\.frozen_dtype=bfloat16"
     for size, advice in ((6, f"{fewer}$"), (4, f"{both}$"), (3, rf"free 0\.0 GiB and {both}$")):
@@ -185,9 +189,9 @@ def test_a_training_is_refused_with_what_helps(backbones: Path, monkeypatch: pyt
 
 def test_the_least_memory_is_named_where_nothing_fits(monkeypatch: pytest.MonkeyPatch) -> None:
     free(monkeypatch, GIB)
-    check_room(MemoryPlan(weights=GIB), "cpu", "run", [])
+    make_room(MemoryPlan(weights=GIB), "cpu", "run", [])
     with pytest.raises(ValueError, match=r"run: it needs 4\.0 GiB on cpu \(weights 4\.0\), and 1\.0 .*; free 2\.0 GiB and do this"):
-        check_room(MemoryPlan(weights=4 * GIB), "cpu", "run", [("do this", lambda: MemoryPlan(weights=2 * GIB))])
+        make_room(MemoryPlan(weights=4 * GIB), "cpu", "run", [("do this", lambda: MemoryPlan(weights=2 * GIB))])
 
 
 def test_the_verb_plans_a_folder(saved: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

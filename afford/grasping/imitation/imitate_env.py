@@ -62,7 +62,7 @@ class ImitationConfig:
     random_start: bool = True
     """begin episodes at a random frame of the clip; else at its first frame"""
     tolerance_m: float = FINAL_TOLERANCE_M
-    """mean error of a level from which an episode fails; tracking.tolerance_m is the paper's schedule"""
+    """mean error of a level from which an episode fails: that at the end of the paper's schedule, which begins with 21 cm"""
     threads: int = 1
     """threads that compute worlds"""
 

@@ -28,8 +28,8 @@ from afford.grasping.imitation.keypoints import keypoint_links, keypoints_of_joi
 from afford.grasping.sim.engine import CONTROL_S, State
 from schemas.hand import HandModel, HandReference
 
-FINAL_TOLERANCE_M, LOOSE = 0.15, 1 / 0.7
-"""largest mean error of a level at the end of a training, and the factor on it at the beginning"""
+FINAL_TOLERANCE_M = 0.15
+"""largest mean error of a level at the end of the paper's trainings"""
 MAX_M_S, MAX_RAD_S = 100.0, 200.0
 """speeds beyond which an episode has failed, since the physics diverges"""
 PATIENCE_S = 50 / 60
@@ -104,11 +104,6 @@ def imitation_rewards(name: str, tracking: Tracking) -> dict[str, np.ndarray]:
     if name not in REWARDS:
         raise ValueError(f"reward: expected one of {', '.join(sorted(REWARDS))}, got {name!r}")
     return {term: weight * TERMS[term].of(tracking) for term, weight in REWARDS[name].items()}
-
-
-def tolerance_m(training_step: int) -> float:
-    """Largest mean error of a level: 21 cm at the beginning of a training, 15 cm at the end."""
-    return FINAL_TOLERANCE_M * LOOSE * (0.7 + 0.3 * float((2 * np.e) ** (-training_step / 3000)))
 
 
 def tracking_failed(tracking: Tracking, tolerance: float, running_s: np.ndarray) -> np.ndarray:

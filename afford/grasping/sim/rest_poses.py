@@ -46,7 +46,7 @@ def dropped_rest_poses(world: World, scene: Scene, seed: int, count: int, most_s
 
     ValueError when most drops do not come to rest.
     """
-    thrown = (_thrown(scene, np.random.default_rng(seed + k), 0.0) for k in range(TRIES * count))
+    thrown = (_thrown(scene, np.random.default_rng(seed + k)) for k in range(TRIES * count))
     rests = (at for pose in thrown if (at := _settled(world, scene, pose, most_s)) is not None)
     poses = list(islice(rests, count))
     if len(poses) < count:
@@ -77,9 +77,9 @@ def parked_joints(scene: Scene) -> np.ndarray:
     return q
 
 
-def _thrown(scene: Scene, rng: np.random.Generator, reach_m: float) -> np.ndarray:
+def _thrown(scene: Scene, rng: np.random.Generator) -> np.ndarray:
     turn = Rotation.random(rng=rng)
-    centre = np.array([*rng.uniform(-reach_m, reach_m, 2), GAP_M])
+    centre = np.array([0.0, 0.0, GAP_M])
     corners = turn.apply(scene.body.corners - scene.body.com_m)
     return np.concatenate([centre - (0, 0, corners[:, 2].min()) - turn.apply(np.array(scene.body.com_m)), turn.as_quat()])
 

@@ -1,4 +1,4 @@
-"""Human hand model with forearm and sleeve: skinning, fingertips and drawing of the left and the right hand."""
+"""Human hand model with forearm and sleeve: skinning and drawing of the left and the right hand."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from afford.render.mesh import Mesh
 from afford.render.scene import Instance
 from afford.synthetic.human_hand.appearance import HandAppearance
-from afford.synthetic.human_hand.skeleton import REST, WRIST, bone_frames, tips
+from afford.synthetic.human_hand.skeleton import REST, WRIST, bone_frames
 from afford.synthetic.human_hand.skin import hand_shape
 from schemas.video import SIDES
 
@@ -58,11 +58,6 @@ class HandModel:
         arm = T @ self._moves(T, angles, elbow)[0] @ self._mirror
         worn = ((self.sleeve, self.look.cloth), (self.watch, self.look.worn_look))
         return out + [Instance(mesh, look, arm, entity) for mesh, look in worn if mesh is not None and look is not None]
-
-    def fingertips(self, T_world_palm: np.ndarray, angles: np.ndarray) -> np.ndarray:
-        """Return the world positions (5, 3) of the fingertips, thumb first, metres."""
-        T = T_world_palm @ self._mirror
-        return tips(angles) @ T[:3, :3].T + T[:3, 3]
 
     def wrist(self, T_world_palm: np.ndarray) -> np.ndarray:
         """Return the world position (3,) of the wrist, metres."""

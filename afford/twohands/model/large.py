@@ -19,7 +19,7 @@ from afford.models.loading import WEIGHTS, dtype_of, fill_weights
 from afford.models.tensor_files import map_safetensors
 from afford.twohands.model.frozen_weights import cast_as_computed
 from afford.twohands.model.interface import ModelConfig, TwoHands, build
-from afford.twohands.model.memory_plan import MemoryPlan, check_room, is_large, plan_prediction
+from afford.twohands.model.memory_plan import MemoryPlan, is_large, make_room, plan_prediction
 from afford.twohands.model.vlm import Vlm
 
 HALF = ("bfloat16", "float16")
@@ -33,7 +33,7 @@ def load_large(folder: Path, config: ModelConfig, dtype: str, device: str = "cpu
     model, weights = _described(folder, config)
     if is_large(model):
         planned = plan_weights(model, weights, dtype, device, pictures)
-        check_room(planned, device, str(folder), _remedies(model, weights, dtype, device, pictures))
+        make_room(planned, device, str(folder), _remedies(model, weights, dtype, device, pictures))
     if dtype:
         wanted = dtype_of(dtype)
         weights = {name: tensor.to(wanted) if tensor.is_floating_point() else tensor for name, tensor in weights.items()}

@@ -2,8 +2,8 @@
 
 Counted are weights in the types in which they are kept, gradients and both moments of AdamW for what is trained, the copy of the
 best weights, the peak of all that the model makes while it runs (`meta_memory`: activations, casts, the cache of a generated
-answer), samples in memory, and the process itself. Not counted are pages of files that are read once, and memory that a kernel
-takes inside one operation.
+answer), samples in memory, and the process itself. Not counted are pages of files that are read once, memory that a kernel takes
+inside one operation, and small blocks that the allocator keeps; large ones it returns (`freed_memory`).
 """
 
 from __future__ import annotations
@@ -15,14 +15,15 @@ from pathlib import Path
 import torch
 from torch import nn
 
+from afford.models.freed_memory import return_freed_blocks
 from afford.models.meta_memory import model_tensors, peak_bytes, tensor_bytes
 from afford.twohands.model.interface import Batch
 from afford.twohands.model.vlm import LONGEST_ANSWER, Dialogue, Vlm
 
 GIB = 1 << 30
-LIBRARIES, CONTEXT, WORKSPACE = 450 << 20, 536 << 20, 64 << 20
+LIBRARIES, CONTEXT, WORKSPACE = 384 << 20, 536 << 20, 64 << 20
 """bytes of a process besides its model: anonymous memory of Python with its libraries; on a GPU the context of CUDA, and what torch
-keeps there for matrix products (both set by one random model on an H200; other cards differ)"""
+keeps there for matrix products (benchmarks/memory_plan.md; those of a GPU by one random model on an H200: other cards differ)"""
 LARGE = 50_000_000
 """parameters from which a model is planned before it is loaded; smaller ones fit wherever this project runs"""
 TASK = "pour tea from the kettle into the small cup with the handle"
@@ -99,11 +100,12 @@ def process_bytes(device: str) -> int:
     return LIBRARIES if torch.device(device).type == "cpu" else CONTEXT + WORKSPACE
 
 
-def check_room(plan: MemoryPlan, device: str, where: str, remedies: Sequence[tuple[str, Callable[[], MemoryPlan]]]) -> None:
-    """Raise ValueError when a device has less free memory than a run needs.
+def make_room(plan: MemoryPlan, device: str, where: str, remedies: Sequence[tuple[str, Callable[[], MemoryPlan]]]) -> None:
+    """Have freed memory returned, as plans count it, or raise ValueError when a device has less free memory than a run needs.
 
     The message names the first of the `remedies` (what to do, and the plan that results) that fits, else the one that needs least.
     """
+    return_freed_blocks()
     free = free_bytes(device)
     if free is None or plan.needed <= free:
         return

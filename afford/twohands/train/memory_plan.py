@@ -15,7 +15,7 @@ from afford.training.loop import autocasts
 from afford.twohands.model.frozen_weights import store_frozen
 from afford.twohands.model.interface import Batch, Target, build
 from afford.twohands.model.losses import losses
-from afford.twohands.model.memory_plan import TASK, MemoryPlan, check_room, is_large, process_bytes, trained_bytes
+from afford.twohands.model.memory_plan import TASK, MemoryPlan, is_large, make_room, process_bytes, trained_bytes
 from afford.twohands.model.vlm import Vlm
 from afford.twohands.train.sample_stream import DECODED_BYTES
 
@@ -76,14 +76,14 @@ def _sample_bytes(job: TwoHandsJob, train: int | None, val: int | None) -> int:
 
 
 def check_training(job: TwoHandsJob, train: int, val: int) -> None:
-    """Raise ValueError when the device lacks memory for the training of a `vlm`; the message names a setting that fits.
+    """Make room for the training of a large `vlm`; ValueError when the device lacks memory names a setting that fits.
 
     `train` and `val` are the numbers of samples.
     """
     if not is_large(_model_of(job)):
         return
     where = f"model_train with {job.config.backbones or 'tiny backbones'}"
-    check_room(plan_training(job, train, val), job.plan.device, where, _remedies(job, train, val))
+    make_room(plan_training(job, train, val), job.plan.device, where, _remedies(job, train, val))
 
 
 def _remedies(job: TwoHandsJob, train: int, val: int) -> list[tuple[str, Callable[[], MemoryPlan]]]:
