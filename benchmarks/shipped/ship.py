@@ -98,11 +98,13 @@ def made(name: str, recipe: Recipe, runner: Runner) -> tuple[FileTree, dict[str,
 
 def trained_elsewhere(recipe: Recipe, folder: Path, data: list[Path], where: str) -> tuple[FileTree, dict[str, Any]]:
     """Files of a training on another machine, and the facts of its record. SystemExit where it is not that of the recipe."""
+    from afford.models.encoder_place import encoder_path
     from stages.twohands.model_train import training_job
 
     stills, files = joined([tree("stills", one) for one in data]), tree("model", folder)
     graph = recipe.graph(file_digest, stills)
-    asked, text = training_job(graph.stages()[-1].params), (folder / CARD).read_text(encoding="utf-8")
+    asked = training_job(replace(graph.stages()[-1].params, backbones=str(encoder_path())))
+    text = (folder / CARD).read_text(encoding="utf-8")
     done = json.loads(text.partition("```json\n")[2].partition("```")[0])
     for name in ("plan", "config"):
         done[name] = {key: value for key, value in done[name].items() if key not in ELSEWHERE}
