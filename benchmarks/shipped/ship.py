@@ -125,7 +125,8 @@ def trained_elsewhere(recipe: Recipe, folder: Path, data: list[Path], where: str
 def card(recipe: Recipe, facts: dict[str, Any], trained: str) -> str:
     """Write the card of a model; `trained` is the one that the training wrote."""
     learned = FRONT.sub("", trained).partition("\n")[2].replace("\n## ", "\n### ").strip()
-    sets = (*recipe.sets, *(" ".join(one for one in some if "photographs" not in one) or "stills as they are" for some in recipe.stills))
+    stills = (" ".join(one for one in some if "photographs" not in one) for some in recipe.stills)
+    sets = (*recipe.sets, *(one or "stills as they are" for one in stills))
     return "\n\n".join((
         f"# {recipe.title}", f"**For** {recipe.use}", f"**Limits.** {recipe.limits}", f"**Data.** {recipe.data}",
         "**Licence** of the weights: Apache-2.0. Floats are half floats.",
