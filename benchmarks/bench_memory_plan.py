@@ -5,7 +5,7 @@
 A random model of 306 M parameters is run on a CPU, each time in a process of its own. Measured is the largest sum of its anonymous
 memory and of the mapped pages of the model's files, which also hold frozen weights in training. Models of published size are
 planned only, beside the figures of benchmarks/gpu.md. Rows of parts that ran before stay in benchmarks/memory_plan.json. A training
-takes two minutes of a core, all parts ten.
+takes minutes of a core, in bfloat16 ten where the CPU has no instructions for it.
 """
 
 from __future__ import annotations
