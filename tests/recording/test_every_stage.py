@@ -72,6 +72,7 @@ def settings() -> Settings:
     judge = usual.grasping.grasp_judge
     return replace(usual, weights=(("hand_landmarks", FileTree("a", ())),)).with_stages(
         hand_detect=replace(usual.extraction.hand_detect, backend="network"),
+        tool_plan=replace(usual.synthetic.tool_plan, per_category=1),
         sor3d_report=replace(usual.rgbd.sor3d_report, pretrained=True),
         grasp_judge=replace(judge, backend="endpoint", endpoint=replace(judge.endpoint, url="http://localhost")),
         grasp_report=replace(usual.grasping.grasp_report, rows=("teacher", "student", "positive")))  # fmt: skip

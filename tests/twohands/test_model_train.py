@@ -71,7 +71,7 @@ def _words(trained: Trained) -> str:
 
 
 def test_a_training_begins_from_a_trained_model(dataset: FileTree, trained: Trained, tmp_path: Path) -> None:
-    """Without a rate, weights stay those of the model that it began from; another size is refused; other variants have no start."""
+    """Weights stay those of the model that it began from when the rate is 0; another size and other variants are refused."""
     model = FileTree("begun", trained.files.files)
     still = replace(PARAMS, steps=2, validate_every=2, lr=0.0, weight_decay=0.0, seed=8)
     found = model_train.run(dataset, still, Scratch(tmp_path / "a"), start=model)
