@@ -3,7 +3,8 @@
 Reads   HandModel; GraspTasks of one body (body_tasks); the policy (FileTree of rl_grasp_refinement or body_adapt)
 Writes  GraspEpisodes; none for a body without a task
 Method  as grasp_evaluate: the policy's mean action, strict physics, the same starts for every policy; but the hand begins over the
-        place of the grasp family, the wrist carries what the policy has raised, and human likeness is not measured
+        place of the grasp family, the wrist carries what the policy has raised, while spare fingers let go of N_t, and human
+        likeness is not measured
 Fails   ValueError for a policy that does not fit the environment, or when the body does not rest in this engine
 Paper   AffordDex: Succ and AS over randomly placed objects
 """
@@ -44,7 +45,8 @@ class Params:
     seed: int = 20267
     """seed of object poses"""
     carry: bool = True
-    """the wrist carries a gripped and raised body to its goal (afford/grasping/env/carry.py); false: the policy acts alone"""
+    """the wrist carries a gripped and raised body to its goal, and spare fingers near N_t let go (afford/grasping/env/carry.py,
+    let_go.py); false: the policy acts alone"""
 
 
 def run(hand: HandModel, tasks: tuple[GraspTask, ...], policy: FileTree, params: Params, ctx: Context) -> GraspEpisodes:

@@ -8,9 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from afford.grasping.policies.adapt_teacher import Adaptation, episode_scores
+from afford.grasping.env.placed_worlds import PlacedWorlds
+from afford.grasping.policies.adapt_teacher import Experts
+from afford.grasping.policies.adapted_policy import FOLDER, ByTask, actor_by_task
 from afford.grasping.policies.grasp_search import SPREAD, GraspSearch, numbers, script, shaped
-from afford.grasping.sim.scene import Scene
+from afford.grasping.policies.grasp_trials import episode_scores
+from afford.grasping.policies.load_policy import load_policy
+from afford.grasping.sim.scene import Physics, Scene
 from afford.grasping.sim.scripted import GRASP, Aim
 from commands.origin import origin
 from maps.settings import Settings
@@ -26,8 +30,10 @@ from tests.helpers.made_hands import shadow
 from tests.helpers.made_students import teacher
 from tests.helpers.mesh_files import write_obj
 
-TINY = body_adapt.Params(worlds=2, bullet=1, generations=1, rounds=3, updates=3, batch=8, iterations=10)
-ONE = tuple(tasks_of(stick()).tasks[:1])
+TINY = body_adapt.Params(worlds=2, bullet=1, generations=1, rounds=3, updates=3, batch=8, iterations=10,
+                          rate_hz=240)  # fmt: skip
+ALL = tuple(tasks_of(stick()).tasks)
+ONE = ALL[:1]
 
 
 class Run:
@@ -105,9 +111,10 @@ def test_targets_of_a_script() -> None:
 
 def test_a_killed_adaptation_resumes_to_the_same_bytes(tmp_path: Path, policy: FileTree, monkeypatch: pytest.MonkeyPatch) -> None:
     """Killed after its first checkpoint; another seed gives other bytes."""
-    monkeypatch.setattr("afford.grasping.policies.adapt_teacher.MARGIN", -1.0)
+    for module in ("adapt_teacher", "clone_scripts"):
+        monkeypatch.setattr(f"afford.grasping.policies.{module}.MARGIN", -1.0)
     values = iter(np.linspace(0.0, 1.0, 100))
-    monkeypatch.setattr("afford.grasping.policies.adapt_teacher.episode_scores", lambda report: 0 * report["held"] + next(values))
+    monkeypatch.setattr("afford.grasping.policies.grasp_trials.episode_scores", lambda report: 0 * report["held"] + next(values))
     whole = adapted(tmp_path / "whole", policy)
     assert whole.log.best_step == 3
     with pytest.raises(KeyboardInterrupt):
@@ -116,22 +123,32 @@ def test_a_killed_adaptation_resumes_to_the_same_bytes(tmp_path: Path, policy: F
     assert content(adapted(tmp_path / "other", policy, seed=1)) != content(whole)
 
 
-@pytest.mark.parametrize(("scores", "kept"), [((0.5, 0.4, 0.5), 0), ((0.5, 0.6, 0.4), 2)], ids=["worse", "better"])
-def test_worse_weights_are_dropped(tmp_path: Path, policy: FileTree, monkeypatch: pytest.MonkeyPatch, scores: tuple[float, ...],
-                                   kept: int) -> None:  # fmt: skip
-    """Evaluations before and after two and three rounds; a policy that got worse, or is as good, stays as it was."""
-    monkeypatch.setattr("afford.grasping.policies.adapt_teacher._experts", expert)
-    found = iter(scores)
-    monkeypatch.setattr(Adaptation, "scores", lambda self, choose, seed: {"score": np.array([next(found)])})
+@pytest.mark.parametrize(("scores", "kept"), [(((0.5, 0.2), (0.4, 0.2), (0.5, 0.2)), 0), (((0.5, 0.2), (0.1, 0.6), (0.4, 0.3)), 2)],
+                         ids=["worse", "better in one task"])  # fmt: skip
+def test_tasks_that_are_not_better_stay_with_the_teacher(tmp_path: Path, policy: FileTree, monkeypatch: pytest.MonkeyPatch,
+                                                         scores: tuple[tuple[float, ...], ...], kept: int) -> None:  # fmt: skip
+    """Evaluations of two tasks before and after two and three rounds; what got worse, or is as good, stays as it was."""
+    two = ALL[:2]
+    found = Experts(np.arange(2), np.tile(numbers(GRASP), (2, 1)), np.zeros(4))
+    monkeypatch.setattr("afford.grasping.policies.adapt_teacher._experts", lambda *given: found)
+    each = iter(scores)
+    monkeypatch.setattr("afford.grasping.policies.clone_scripts.trial_figures", lambda *given: {"score": np.array(next(each))})
+    made = body_adapt.run(shadow(), two, policy, TINY, Run(tmp_path / "run"))  # type: ignore[arg-type]
+    before, after = content(Trained(policy, made.log)), content(made)
+    assert made.log.best_step == kept and {name: after[name] for name in before} == before
+    assert (FOLDER + "policy.json" in after) == (kept > 0)
+    worlds = PlacedWorlds(shadow(), two * 2, load_policy(policy, {}).config("mujoco", Physics(), "flat", 0.0))
+    actor = actor_by_task(made.files, load_policy(made.files, {}), worlds)
+    assert not kept or (isinstance(actor, ByTask) and actor.chosen.tolist() == [False, True] * 2)
+    worlds.close()
+
+
+def test_a_body_without_a_better_script_keeps_the_policy(tmp_path: Path, policy: FileTree) -> None:
+    """Episodes of four steps hold nothing; the figures of the teacher are in the log, and a second run reads the same scripts."""
     made = adapted(tmp_path / "run", policy)
-    assert made.log.best_step == kept
-    assert (content(made)["policy.safetensors"] == content(Trained(policy, made.log))["policy.safetensors"]) == (kept == 0)
-
-
-def expert(adaptation: Adaptation, folder: Path, progress: object):  # type: ignore[no-untyped-def]  # an Expert
-    from afford.grasping.policies.adapt_teacher import Expert
-
-    return Expert(numbers(GRASP)[None], np.array([True]))
+    assert made.files == policy and made.log.best_step == 0
+    assert {"val.score", "val.success", "val.held"} <= {curve.name for curve in made.log.curves}
+    assert adapted(tmp_path / "run", policy).files == policy
 
 
 def test_scores_of_episodes() -> None:

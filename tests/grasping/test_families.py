@@ -98,3 +98,13 @@ def test_a_bar_close_above_the_body_fits_less() -> None:
     bar, block = trimesh.creation.box((0.12, 0.02, 0.02)), trimesh.creation.box((0.12, 0.1, 0.06))
     fits = {height: places(block, bar.copy().apply_translation((0, 0, height)))[0].fit for height in (0.07, 0.2)}
     assert 0 < fits[0.07] < 0.5 * fits[0.2]
+
+
+def test_the_ends_of_a_loop_do_not_hide_the_body_under_its_bar() -> None:
+    """A handle whose ends reach down to the body fits as little as a free bar."""
+    block = trimesh.creation.box((0.12, 0.1, 0.2)).apply_translation((0, 0, -0.07))
+    bar = trimesh.creation.box((0.11, 0.02, 0.02)).apply_translation((0, 0, 0.07))
+    ends = [trimesh.creation.box((0.022, 0.02, 0.04)).apply_translation((x, 0, 0.05)) for x in (-0.034, 0.034)]
+    handle = next(one for one in places(block, trimesh.boolean.union([bar, *ends])) if one.family == "handle")
+    free = next(one for one in places(block, bar) if one.family == "handle")
+    assert handle.fit == pytest.approx(free.fit, rel=0.2)

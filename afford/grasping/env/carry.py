@@ -11,6 +11,7 @@ import numpy as np
 
 from afford.grasping.env.actions import turned
 from afford.grasping.env.grasp_worlds import GraspWorlds
+from afford.grasping.env.obs_blocks import Snapshot
 
 RAISED_M = 0.02
 """height of the centre of mass above its place at rest from which an object is carried"""
@@ -23,8 +24,7 @@ FASTER = 0.25
 def carried(now: GraspWorlds, action: np.ndarray) -> np.ndarray:
     """Actions (n, m) whose first three numbers move gripped, raised objects to their goals; others as they are."""
     before = now.snapshot()
-    measured, centre = before.measures, now.scenery.centre(before.state)
-    raised = measured.gripped & (centre[:, 2] - before.episode.origin[:, 2] > RAISED_M)
+    centre, raised = now.scenery.centre(before.state), is_raised(before)
     move = np.zeros_like(action)
     move[:, :3] = GAIN * (before.episode.goal - centre)
     wanted = turned(move, -before.episode.yaw)[:, :3] / now.rates[:3, 0]
@@ -33,3 +33,10 @@ def carried(now: GraspWorlds, action: np.ndarray) -> np.ndarray:
     out = action.copy()
     out[raised, :3] = (last + (wanted - last).clip(-FASTER, FASTER))[raised]
     return out
+
+
+def is_raised(before: Snapshot) -> np.ndarray:
+    """(n,) bool, the object is gripped and above its place at rest."""
+    height = before.scenery.centre(before.state)[:, 2] - before.episode.origin[:, 2]
+    found: np.ndarray = before.measures.gripped & (height > RAISED_M)
+    return found

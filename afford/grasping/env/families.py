@@ -247,8 +247,13 @@ def _across(family: str, part: PartShape, axis: np.ndarray, low: float, high: fl
 
 
 def _over_body(part: PartShape, slab: np.ndarray, at: np.ndarray, axis: np.ndarray, across: np.ndarray, width_m: float) -> bool:
-    """Test whether the rest of the body is under a bar, where fingers that close around the bar push it."""
-    offset, bottom = part.whole - at, float(slab[:, 2].min())
+    """Test whether the rest of the body is under a bar, where fingers that close around the bar push it.
+
+    The ends of a loop, which go down to the body and make it higher than wide, are not of the bar.
+    """
+    offset, here = part.whole - at, np.abs((slab - at) @ axis) < FINGER_M
+    loop = float(np.ptp(slab[:, 2])) > LONG * width_m and here.any()
+    bottom = float(slab[here if loop else slice(None), 2].min())
     under = (part.whole[:, 2] < bottom - THIN_M) & (part.whole[:, 2] > bottom - UNDER_M)
     return bool((under & (np.abs(offset @ axis) < FINGER_M) & (np.abs(offset @ across) < width_m / 2 + FINGER_M)).any())
 

@@ -16,6 +16,7 @@ from afford.grasping.env.carry import carried
 from afford.grasping.env.config import GraspEnvConfig
 from afford.grasping.env.families import GraspPlace
 from afford.grasping.env.grasp_worlds import GraspWorlds
+from afford.grasping.env.let_go import released
 from afford.grasping.env.rest_choice import places_of
 from afford.grasping.env.step_result import StepResult
 from afford.grasping.env.task import from_grasp_task
@@ -44,7 +45,7 @@ class PlacedWorlds(GraspWorlds):
 
     def step(self, action: np.ndarray, rngs: Sequence[np.random.Generator]) -> StepResult:
         """Apply actions (n, m), or the carry instead of their first three numbers where an object is raised."""
-        return super().step(carried(self, action) if self.carry else action, rngs)
+        return super().step(released(self, carried(self, action)) if self.carry else action, rngs)
 
     def _aim(self, k: int, pose: np.ndarray, rng: np.random.Generator) -> Aim:
         return aim_at_place(self.places[k], pose, self.scenery.com[k])

@@ -22,11 +22,12 @@ Succ: share of episodes in which the object came within 5 cm of its goal, 20 cm 
 fingertips within 2 cm of a negative point at the last step, over successes. Negative parts are predicted, not known, so AS is
 judged by the prediction; only tasks with N_t have one, and means of AS are over the objects that have such a success. The shipped
 policy was trained on flat tools. It begins over the place of the grasp family and is free from there on; once it has gripped and
-raised the object, the wrist carries it to its goal (body_evaluate.carry). Objects whose use is `geometry alone` have no part with a
-place for a hand: they are held wherever their shape allows, without N_t.
+raised the object, the wrist carries it to its goal, and spare fingers let go of N_t (body_evaluate.carry). Objects whose use is
+`geometry alone` have no part with a place for a hand: they are held wherever their shape allows, without N_t.
 """
-ADAPTED = """Scripted grasps that lift the object, found in both engines, were cloned into the shipped policy. The best weights on
-episodes of the training, below, were kept. The tables above are of other episodes."""
+ADAPTED = """Scripted grasps that lift the object, found in both engines, were cloned for the tasks in which they are better than
+the shipped policy, which acts in all others. Figures are of these tasks, or of all where no script was better, on episodes of
+the training. The tables above are of other episodes."""
 
 
 class BodyRow(NamedTuple):

@@ -10,6 +10,7 @@ import numpy as np
 from afford.grasping.env.measures import METRICS
 from afford.grasping.env.placed_worlds import PlacedWorlds
 from afford.grasping.env.rollout import rollout
+from afford.grasping.policies.adapted_policy import actor_by_task
 from afford.grasping.policies.load_policy import load_policy
 from afford.grasping.sim.engine import check_stage_engine
 from afford.grasping.sim.scene import Physics
@@ -31,9 +32,10 @@ def evaluate_body(name: str, hand: HandModel, tasks: Sequence[GraspTask], files:
     worlds, rounds = _plan(len(tasks), episodes, at_once)
     names, values, depths, shown = list[str](), [np.zeros((0, len(FIGURES)))], [np.zeros((0, config.steps))], list[GraspTrace]()
     grasping = PlacedWorlds(hand, [tasks[k % len(tasks)] for k in range(worlds)], config, carry) if worlds else None
+    actor = actor_by_task(files, policy, grasping) if grasping else None
     for number in range(rounds if grasping else 0):
-        assert grasping is not None
-        played = rollout(grasping, policy.actor(grasping), [np.random.default_rng([seed, k, number]) for k in range(worlds)])
+        assert grasping is not None and actor is not None
+        played = rollout(grasping, actor, [np.random.default_rng([seed, k, number]) for k in range(worlds)])
         values.append(np.stack([played.report[figure] for figure in FIGURES], axis=1))
         depths.append(played.depth_m)
         names += [tasks[k % len(tasks)].name for k in range(worlds)]

@@ -1,0 +1,58 @@
+"""Write the table of docs/grasping/own-meshes.md: the scans of a run of `grasp-adapt`, as it is and adapted.
+
+    python pipeline.py run grasp-adapt --source ../shared/data/objects
+    PYTHONPATH=. python benchmarks/own_meshes_table.py [--store DIR] [--report NAME]
+
+The rows are those of the report of the run, and what its adaptation kept. A run of some scans (--clip) has a report of its own.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from pathlib import Path
+
+from benchmarks.pages import ROOT, into
+
+PAGE = ROOT / "docs" / "grasping" / "own-meshes.md"
+SCRIPT = "own_meshes_table.py"
+ENGINES = {"bullet": "PyBullet", "mujoco": "MuJoCo"}
+POLICIES = {"teacher": "as it is", "adapted": "adapted"}
+HEAD = "| object | policy | engine |"
+
+
+def rows(report: str, title: str, width: int) -> Iterator[list[str]]:
+    """Yield the cells of the table of a report that begins with the line `title`."""
+    for line in report.partition(f"\n{title}")[2].splitlines()[2:]:
+        if not line.startswith("|"):
+            return
+        cells = [cell.strip() for cell in line.strip("| \n").split("|")]
+        yield cells + [""] * (width - len(cells))
+
+
+def table(report: str) -> Iterator[str]:
+    """Yield a row for each object: Succ and AS of both policies in both engines, and what was kept."""
+    found = {(cells[0], cells[1], cells[2]): cells for cells in rows(report, HEAD, 11)}
+    kept = {cells[0]: cells[-1].partition(":")[0] for cells in rows(report, "| object | Succ % as it was |", 6)}
+    pairs = [(engine, policy) for engine in ENGINES for policy in POLICIES]
+    for figure, column in (("Succ %", 3), ("held %", 6), ("AS %, successes", 7)):
+        head = " | ".join(f"{ENGINES[engine]}, {POLICIES[policy]}" for engine, policy in pairs)
+        yield from ("", f"**{figure}**", "", f"| object | {head} | kept |", f"|---|{'--:|' * len(pairs)}---|")
+        for name in dict.fromkeys(key[0] for key in found):
+            cells = [found[name, policy, engine][column] if (name, policy, engine) in found else "-" for engine, policy in pairs]
+            yield f"| {name} | {' | '.join(cells)} | {kept.get(name, '')} |"
+    yield ""
+
+
+def main() -> None:
+    """Write the block."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    parser.add_argument("--store", type=Path, default=ROOT / "artifacts")
+    parser.add_argument("--report", default="objects-adapted")
+    given = parser.parse_args()
+    report = given.store / "reports" / given.report / "report.md"
+    into(PAGE, "scans", SCRIPT, "\n".join(table(report.read_text(encoding="utf-8"))))
+
+
+if __name__ == "__main__":
+    main()
