@@ -131,14 +131,14 @@ def ablate(g: Graph, origin: Origin, p: Settings) -> None:
 
 def train_and_score(g: Graph, cases: FileTree, dataset: FileTree, planned: tuple[Recipe, ...],
                     p: Settings) -> tuple[MethodScores, ...]:  # fmt: skip
-    """Train all recipes on one data set, predict the cases and score the predictions."""
+    """Train all recipes on one data set, from no trained model, predict the cases and score the predictions."""
     of      = "" if planned[0].data == "stills" else f"{planned[0].data}_"
     chosen  = p.twohands.model_train
     steps   = p.twohands.ablation_report.steps or chosen.steps
     recipe  = g.each(g.leaf(f"{of}recipes", planned))
     started = weights(g, p, "model_train") if chosen.backbones else {}
     trained = g.named(f"{of}model_train").add(model_train.run, dataset=dataset, recipe=recipe, ctx=g.ctx,
-                                              params=replace(chosen, steps=steps), **started)
+                                              params=replace(chosen, steps=steps, start=""), **started)
     predicted    = g.named(f"{of}predict_cases").add(predict_cases.run, cases=cases, model=g.pick(trained, lambda t: t.files),
                                                 params=replace(p.twohands.predict_cases, name=""), ctx=g.ctx)
     scores  = g.named(f"{of}score_cases").add(score_cases.run, cases=cases, predictions=predicted, params=p.twohands.score_cases)

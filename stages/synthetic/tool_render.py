@@ -5,7 +5,7 @@ Writes  Stills: JPEG images; per task the narration and its modes, each with aff
 Method  the object lies or stands on the table of another room in every picture, seen from above its near side; tasks and positive
         parts are those of the lexicon; the region is the visible part, since no hand is closed on it. Painters are those of
         still_render. Deterministic.
-Fails   when the category has no uses in the lexicon, or Cycles is not installed
+Fails   when the backend is unknown, or Cycles is not installed; a category without uses in the lexicon gives no stills
 Paper   2HandedAfforder, robot experiment: single objects on a table
 """
 
@@ -35,7 +35,7 @@ GENERAL = ("pick up", "take", "carry", "use")
 
 @dataclass(frozen=True)
 class Params:
-    """Parameters of the stage; sizes and quality of pictures are those of still_render."""
+    """Parameters of the stage; defaults of sizes and quality are those of still_render."""
 
     backend: str = "raster"
     """raster: seconds for an object; cycles: path tracing, minutes for an object"""
