@@ -1,16 +1,20 @@
 """Train the two-hand model and its ablation, and write the results into the documentation.
 
-    PYTHONPATH=. python benchmarks/bench_twohands.py [--store DIR] [--ablation [--rows ROW,ROW] [--seeds N]]
+    PYTHONPATH=. python benchmarks/bench_twohands.py [--store DIR] [--trainings N] [--ablation [--rows ROW,ROW] [--seeds N]]
 
 Writes the results block of docs/twohands/results.md (training, benchmark and, with --ablation, the ablation), the table of the
-README and docs/pictures/twohands.jpg. Without --ablation the ablation's part is unchanged. All of them are generated.
+README and docs/pictures/twohands.jpg. Without --ablation the ablation's part is unchanged. All of them are generated. Cells are the
+mean and standard deviation over --trainings of different seeds; the pictures are those of seed 0.
 """
 
 from __future__ import annotations
 
 import argparse
 import shutil
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+
+import numpy as np
 
 from benchmarks.pages import ROOT, into, make
 from stages.twohands import ablation_report, model_train
@@ -27,26 +31,38 @@ GROUPS = (("", "kitchens"), ("known.", "kitchens, object kinds of the training s
           ("hands_from_image.", "all scenes, side not in the text"), ("shift.", "workshop and desk"))  # fmt: skip
 
 
-def table(metrics: dict[str, float], prefix: str) -> str:
+Found = Sequence[Mapping[str, float]]
+"""figures of the report of each training"""
+
+
+def table(found: Found, prefix: str) -> str:
     """Return one line for each method with scores in a group."""
     head = f"| | {' | '.join(title for _, title in MEASURES)} |\n|---|{'--:|' * len(MEASURES)}\n"
-    lines = (f"| {title} | {' | '.join(cell(metrics, f'{prefix}{name}.{measure}') for measure, _ in MEASURES)} |\n"
-             for name, title in METHODS if f"{prefix}{name}.iou" in metrics)  # fmt: skip
+    lines = (f"| {title} | {' | '.join(cell(found, f'{prefix}{name}.{measure}') for measure, _ in MEASURES)} |\n"
+             for name, title in METHODS if f"{prefix}{name}.iou" in found[0])  # fmt: skip
     return head + "".join(lines)
 
 
-def cell(metrics: dict[str, float], name: str) -> str:
-    """A number as it is shown; '' for none."""
-    if name not in metrics:
+def cell(found: Found, name: str) -> str:
+    """A figure as it is shown, with its spread where trainings differ; '' for none."""
+    values = [metrics[name] for metrics in found if name in metrics]
+    if not values:
         return ""
-    return f"{metrics[name]:.0f}" if name.endswith("_px") else f"{metrics[name]:.3f}"
+    digits = 0 if name.endswith("_px") else 3
+    spread = f" ± {np.std(values, ddof=1):.{digits}f}" if len(set(values)) > 1 else ""
+    return f"{np.mean(values):.{digits}f}{spread}"
 
 
-def benchmark_text(metrics: dict[str, float]) -> str:
+def trainings(count: int) -> str:
+    """Words for what the cells are made of."""
+    return "One training (seed 0)" if count == 1 else f"Mean and standard deviation of {count} trainings (seeds 0 to {count - 1})"
+
+
+def benchmark_text(found: Found) -> str:
     """Return the tables of all groups."""
-    parts = [f"{title[0].upper()}{title[1:]}, {metrics[f'{prefix}small.cases']:.0f} cases:\n\n{table(metrics, prefix)}\n"
-             for prefix, title in GROUPS if f"{prefix}small.cases" in metrics]  # fmt: skip
-    return f"One training (seed 0); {metrics['ms_per_image']:.0f} ms an image on one core.\n\n" + "".join(parts)
+    parts = [f"{title[0].upper()}{title[1:]}, {found[0][f'{prefix}small.cases']:.0f} cases:\n\n{table(found, prefix)}\n"
+             for prefix, title in GROUPS if f"{prefix}small.cases" in found[0]]  # fmt: skip
+    return f"{trainings(len(found))}; {found[0]['ms_per_image']:.0f} ms an image on one core.\n\n" + "".join(parts)
 
 
 def trained_for() -> str:
@@ -59,6 +75,7 @@ def main() -> None:
     """Measure, then write."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--store")
+    parser.add_argument("--trainings", type=int, default=3)
     parser.add_argument("--ablation", action="store_true")
     parser.add_argument("--rows", default=",".join(ablation_report.Params.rows))
     parser.add_argument("--seeds", type=int, default=ablation_report.Params.seeds)
@@ -68,11 +85,12 @@ def main() -> None:
     if trained["ran"].get("model_train"):
         stills = "its stills included" if trained["ran"].get("still_render") else "its stills made before"
         into(page, "training", SELF, f"`make train` took {trained['seconds'] / 60:.1f} minutes on this machine, {stills}.\n")
-    found = make("benchmark", asked.store)
-    into(page, "benchmark", SELF, benchmark_text(found["metrics"]))
-    cases = f"One training (seed 0), {found['metrics']['small.cases']:.0f} cases:"
-    into(readme, "twohands", SELF, f"{cases}\n\n{table(found['metrics'], '')}")
-    sheet = Path(found["outputs"]["report"]) / "sheets" / "small_cropped.jpg"
+    reports = [make("benchmark", asked.store, "--set", f"model_train.seed={seed}") for seed in range(asked.trainings)]
+    found = [report["metrics"] for report in reports]
+    into(page, "benchmark", SELF, benchmark_text(found))
+    cases = f"{trainings(len(found))}, {found[0]['small.cases']:.0f} cases:"
+    into(readme, "twohands", SELF, f"{cases}\n\n{table(found, '')}")
+    sheet = Path(reports[0]["outputs"]["report"]) / "sheets" / "small_cropped.jpg"
     shutil.copyfile(sheet, ROOT / "docs" / "pictures" / "twohands.jpg")
     if asked.ablation:
         plan = ("--set", f"ablation_report.rows={asked.rows}", "--set", f"ablation_report.seeds={asked.seeds}")
