@@ -14,7 +14,9 @@ import sys
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from multiprocessing.connection import Connection
+from multiprocessing.context import ForkServerContext
 from pathlib import Path
 from typing import Any
 
@@ -212,7 +214,7 @@ def apart(work: Callable[..., Any], *args: Any, limit_s: float = LIMIT_S, **more
     NoEndError when the process dies or is killed after `limit_s`, RuntimeError with the traceback when the function raises.
     """
     ours, theirs = multiprocessing.Pipe(duplex=False)
-    process = multiprocessing.get_context("fork").Process(target=_answer, args=(theirs, work, args, more))
+    process = _small_server().Process(target=_answer, args=(theirs, work, args, more))
     process.start()
     theirs.close()
     try:
@@ -229,6 +231,14 @@ def apart(work: Callable[..., Any], *args: Any, limit_s: float = LIMIT_S, **more
     if raised:
         raise RuntimeError(result)
     return result
+
+
+@cache
+def _small_server() -> ForkServerContext:
+    """Processes forked from a small one, since a fork of the test process copies the page tables of all that it holds."""
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(["tests.helpers.random_stories"])
+    return context
 
 
 def _answer(pipe: Connection, work: Callable[..., Any], args: tuple[Any, ...], more: dict[str, Any]) -> None:
