@@ -12,6 +12,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.helpers.statements import statements
+
 ROOT = Path(__file__).resolve().parents[2]
 ROOMS = ("pipeline", "commands", "maps", "stages", "runner", "afford", "schemas", "benchmarks", "tests")
 MAY_IMPORT = {
@@ -42,11 +44,11 @@ def imported(path: Path, *, runtime_only: bool = True) -> set[str]:
     tree = parsed(path)
     skipped = set()
     if runtime_only:
-        for node in ast.walk(tree):
-            if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
-                skipped.update(id(child) for statement in node.body for child in ast.walk(statement))
+        for node in statements(tree):
+            if isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING":
+                skipped.update(id(child) for statement in node.body for child in statements(statement))
     names = set()
-    for node in ast.walk(tree):
+    for node in statements(tree):
         if id(node) in skipped:
             continue
         if isinstance(node, ast.Import):

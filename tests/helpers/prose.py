@@ -10,6 +10,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+from tests.helpers.statements import statements
+
 CLAUSE = frozenset(re.findall(r"\S+", """
     what how whether where of all everything whoever whose when which who why as so not nothing nobody that if here there again
     once twice only never always none from to with without by at on in for and or but than like about between before after while
@@ -38,10 +40,11 @@ class Fault(NamedTuple):
 
 def in_python(text: str) -> list[Fault]:
     """Faults of docstrings, comments, strings and test names in a source file."""
-    faults = [fault for node in ast.walk(ast.parse(text)) for fault in _of_definition(node)]
-    for token in tokenize.generate_tokens(io.StringIO(text).readline):
-        if token.type in (tokenize.COMMENT, tokenize.STRING):
-            faults += _of_phrases(token.string, token.start[0])
+    faults = [fault for node in statements(ast.parse(text)) for fault in _of_definition(node)]
+    if any(pattern.search(text) for pattern, _ in PHRASES):
+        for token in tokenize.generate_tokens(io.StringIO(text).readline):
+            if token.type in (tokenize.COMMENT, tokenize.STRING):
+                faults += _of_phrases(token.string, token.start[0])
     return sorted(faults)
 
 
