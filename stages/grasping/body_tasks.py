@@ -48,6 +48,8 @@ class Params:
     """stable poses that are tried, best first"""
     walls: bool = True
     """vessels of the lexicon (afford/grasping/sim/walls.py WALLS) are empty: their mass is that of their walls"""
+    by_part: bool = False
+    """cut a body into convex pieces within each part, for parts that are known and follow its shape; false: by its shape alone"""
 
 
 def run(hand: HandModel, mesh: ObjectMesh, parts: MeshParts, report: MeshReport, descriptions: PartDescriptions,

@@ -58,5 +58,5 @@ def run(hand: HandModel, mesh: ObjectMesh, parts: MeshParts, params: Params) -> 
         name = low[0] if low else "hull_corners"
         raise ValueError(f"household_tasks.{name}: expected {'above 0' if low else '8 or more'}, got {getattr(params, name)}")
     settings = BodySettings(params.density_kg_m3, params.tolerance_m, params.hulls, params.hull_corners, params.points, params.seed,
-                            params.least_fit, float("inf"), params.turns, walls=True)
+                            params.least_fit, float("inf"), params.turns, walls=True, by_part=True)
     return household_tasks(hand, mesh, parts, mesh.category in STANDING, params.poses, params.uses, settings)

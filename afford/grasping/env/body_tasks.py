@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
+from afford.grasping.env.body_parts import one_part, parted_as_mesh, parted_by_pieces, whole
 from afford.grasping.env.families import THIN_M, WIDE_M
 from afford.grasping.env.measures import SAFE_M
 from afford.grasping.env.rest_choice import Turns, laid, places_of, ranked_options, steady_turns
@@ -48,6 +48,7 @@ class BodySettings:
     most_kg: float
     turns: int
     walls: bool
+    by_part: bool
 
 
 def body_tasks(hand: HandModel, mesh: ObjectMesh, parts: MeshParts, report: MeshReport, descriptions: PartDescriptions,
@@ -83,19 +84,6 @@ def _by_geometry(hand: HandModel, body: GraspObject, turns: Turns, settings: Bod
         return []
     return [f"{body.name}: no use has a place for a hand on the parts that were found (under Refused); it is grasped by geometry "
             "alone, without N_t; label its parts, docs/surface/mesh-format.md, or say what to hold with --uses"]  # fmt: skip
-
-
-def one_part(body: GraspObject) -> GraspObject:
-    """Body whose only part is the whole."""
-    return replace(body, parts=("whole",), hull_part=np.zeros_like(body.hull_part), point_part=np.zeros_like(body.point_part))
-
-
-def parted_by_pieces(body: GraspObject) -> GraspObject:
-    """Body whose parts are the pieces of its convex decomposition: each point belongs to the hull that it is deepest in."""
-    planes = [ConvexHull(corners).equations for corners in body.hulls()]
-    outside = np.stack([(body.points @ one[:, :3].T + one[:, 3]).max(axis=1) for one in planes])
-    names, hull_part = tuple(f"piece {k}" for k in range(len(planes))), np.arange(len(planes), dtype=np.int16)
-    return replace(body, parts=names, hull_part=hull_part, point_part=outside.argmin(axis=0).astype(np.int16))
 
 
 def _weighed(mesh: ObjectMesh, body: GraspObject, s: BodySettings) -> tuple[str, ...]:
@@ -138,8 +126,9 @@ def check_extent(mesh: ObjectMesh) -> None:
 def rigid_body(mesh: ObjectMesh, parts: MeshParts, s: BodySettings) -> GraspObject:
     """Build the rigid body. ValueError, one sentence, for a mesh that cannot be one."""
     check_extent(mesh)
-    body = grasp_object(mesh, parts, s.density_kg_m3, s.tolerance_m, s.hulls, s.hull_corners, s.points, s.seed)
-    body = _with_volume_of(mesh, body, s.density_kg_m3)
+    cut = parts if s.by_part else whole(parts)
+    body = grasp_object(mesh, cut, s.density_kg_m3, s.tolerance_m, s.hulls, s.hull_corners, s.points, s.seed)
+    body = _with_volume_of(mesh, body if s.by_part else parted_as_mesh(body, mesh, parts), s.density_kg_m3)
     wall = WALLS.get(household_category(mesh.category)) if s.walls else None
     body = with_wall(mesh, body, body.mass_kg / s.density_kg_m3, wall) if wall else body
     if body.mass_kg < LEAST_KG:
