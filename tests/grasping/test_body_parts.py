@@ -23,7 +23,7 @@ def cut(mesh: ObjectMesh, parts: MeshParts) -> GraspObject:
 
 
 def test_patches_of_parts_do_not_change_the_shape() -> None:
-    """With labels scattered over a mug, hulls stand out as far as without labels, and further where none may span two."""
+    """Hulls stand out as far as without labels that are scattered over a mug, and further where none may span two."""
     built = object_build.run(ObjectSpec("mug", "mug", 3, "plain", "train"), object_build.Params(atlas_px=64))
     centre = built.mesh.vertices[built.mesh.faces].mean(1)
     patches = (np.floor(centre / 0.02).sum(1) % 2).astype(np.int16)
