@@ -1,7 +1,9 @@
-"""Write the table of docs/grasping/own-meshes.md: the scans of a run of `grasp-adapt`, as it is and adapted.
+"""Write a table of docs/grasping/own-meshes.md: the scans of a run of `grasp-adapt`, as it is and adapted, or of `grasp`.
 
     python pipeline.py run grasp-adapt --source ../shared/data/objects
-    PYTHONPATH=. python benchmarks/own_meshes_table.py [--store DIR] [--report NAME]
+    PYTHONPATH=. python benchmarks/own_meshes_table.py [--store DIR]
+    python pipeline.py run grasp --source ../shared/data/motion/dexycb_meshes
+    PYTHONPATH=. python benchmarks/own_meshes_table.py [--store DIR] --report dexycb_meshes --block "simplified scans"
 
 The rows are those of the report of the run, and what its adaptation kept. A run of some scans (--clip) has a report of its own.
 """
@@ -31,16 +33,17 @@ def rows(report: str, title: str, width: int) -> Iterator[list[str]]:
 
 
 def table(report: str) -> Iterator[str]:
-    """Yield a row for each object: Succ and AS of both policies in both engines, and what was kept."""
+    """Yield a row for each object: Succ, held and AS of the policies in both engines, and what an adaptation kept."""
     found = {(cells[0], cells[1], cells[2]): cells for cells in rows(report, HEAD, 11)}
     kept = {cells[0]: cells[-1].partition(":")[0] for cells in rows(report, "| object | Succ % as it was |", 6)}
-    pairs = [(engine, policy) for engine in ENGINES for policy in POLICIES]
+    pairs = [(engine, policy) for engine in ENGINES for policy in POLICIES if any(key[1:] == (policy, engine) for key in found)]
     for figure, column in (("Succ %", 3), ("held %", 6), ("AS %, successes", 7)):
         head = " | ".join(f"{ENGINES[engine]}, {POLICIES[policy]}" for engine, policy in pairs)
-        yield from ("", f"**{figure}**", "", f"| object | {head} | kept |", f"|---|{'--:|' * len(pairs)}---|")
+        yield from ("", f"**{figure}**", "", f"| object | {head} |{' kept |' if kept else ''}",
+                    f"|---|{'--:|' * len(pairs)}{'---|' if kept else ''}")  # fmt: skip
         for name in dict.fromkeys(key[0] for key in found):
             cells = [found[name, policy, engine][column] if (name, policy, engine) in found else "-" for engine, policy in pairs]
-            yield f"| {name} | {' | '.join(cells)} | {kept.get(name, '')} |"
+            yield f"| {name} | {' | '.join(cells)} |{f' {kept.get(name, str())} |' if kept else ''}"
     yield ""
 
 
@@ -49,9 +52,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     parser.add_argument("--store", type=Path, default=ROOT / "artifacts")
     parser.add_argument("--report", default="objects-adapted")
+    parser.add_argument("--block", default="scans", help="name of the block of the page")
     given = parser.parse_args()
     report = given.store / "reports" / given.report / "report.md"
-    into(PAGE, "scans", SCRIPT, "\n".join(table(report.read_text(encoding="utf-8"))))
+    into(PAGE, given.block, SCRIPT, "\n".join(table(report.read_text(encoding="utf-8"))))
 
 
 if __name__ == "__main__":
