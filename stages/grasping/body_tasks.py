@@ -3,7 +3,7 @@
 Reads   HandModel; ObjectMesh, MeshParts and MeshReport; PartDescriptions and NegativeAffordances of the mesh
 Writes  BodyTasks: GraspTasks with predicted N_t, each with its body in the pose in which it is laid; refusals and assumptions, one
         sentence each
-Method  convex pieces per part, mass by density (as object_solids), of vessels by their walls; each description is a use; the
+Method  convex pieces of the shape, mass by density (as object_solids), of vessels by their walls; each description is a use; the
         stable pose with the best place of a grasp family (afford/grasping/env/families.py) is taken, if the body rests there in
         MuJoCo
 Fails   never for a bad mesh: it has no tasks and a reason; ValueError for numbers out of range
