@@ -29,22 +29,56 @@ HEAD = 1280
 EPSILON = 1e-3
 
 
+class Normed(NamedTuple):
+    """Tensors of a convolution without bias, and of the norm after it."""
+
+    weight: Tensor
+    scale: Tensor
+    shift: Tensor
+    mean: Tensor
+    variance: Tensor
+
+    def folded(self, eps: float) -> tuple[Tensor, Tensor]:
+        """Weight and bias of the one convolution that does both."""
+        scale = self.scale * torch.rsqrt(self.variance + eps)
+        return self.weight * scale[:, None, None, None], self.shift - self.mean * scale
+
+
+class Folded(NamedTuple):
+    """Weight and bias of a convolution with its norm, and the state of the tensors that they come from."""
+
+    state: tuple[object, ...]
+    weight: Tensor
+    bias: Tensor
+
+
 class Same(nn.Conv2d):
     """Convolution without bias, padded as TensorFlow does: an odd pixel of padding goes to the right and below."""
 
     def __init__(self, before: int, after: int, kernel: int, stride: int = 1, groups: int = 1) -> None:
         super().__init__(before, after, kernel, stride, groups=groups, bias=False)
+        self._folded: Folded | None = None
 
     def forward(self, x: Tensor) -> Tensor:
         """(b, before, h, w) -> (b, after, ceil(h / stride), ceil(w / stride))."""
         return self._convolved(x, self.weight, None)
 
     def normed(self, x: Tensor, norm: nn.BatchNorm2d) -> Tensor:
-        """Convolve and normalise; in evaluation as one convolution, which takes less than two thirds of the time."""
+        """Convolve and normalise; in evaluation as one convolution, which takes less than two thirds of the time.
+
+        Without gradients its weight and bias are kept until a tensor they are computed from changes.
+        """
         if norm.training or norm.running_mean is None or norm.running_var is None:
             return norm(self.forward(x))
-        scale = norm.weight * torch.rsqrt(norm.running_var + norm.eps)
-        return self._convolved(x, self.weight * scale[:, None, None, None], norm.bias - norm.running_mean * scale)
+        tensors = Normed(self.weight, norm.weight, norm.bias, norm.running_mean, norm.running_var)
+        learns = torch.is_grad_enabled() and any(one.requires_grad for one in tensors)
+        if learns or any(one.is_inference() for one in tensors):  # the latter do not count their changes
+            return self._convolved(x, *tensors.folded(norm.eps))
+        state = tuple((one.data_ptr(), one._version, one.device, one.dtype) for one in tensors)
+        if self._folded is None or self._folded.state != state:
+            with torch.inference_mode(False), torch.no_grad():
+                self._folded = Folded(state, *tensors.folded(norm.eps))
+        return self._convolved(x, self._folded.weight, self._folded.bias)
 
     def _convolved(self, x: Tensor, weight: Tensor, bias: Tensor | None) -> Tensor:
         if self.kernel_size == (1, 1) and self.stride == (1, 1):

@@ -44,6 +44,38 @@ def test_normalisation_inside_a_convolution_changes_nothing(size: tuple[int, int
     torch.testing.assert_close(convolution.normed(image, norm), norm(convolution(image)), rtol=1e-4, atol=1e-5)
 
 
+@pytest.mark.parametrize("changed", ["weight", "norm.weight", "norm.bias", "norm.running_mean", "norm.running_var"])
+@pytest.mark.parametrize("replaced", [False, True])
+def test_a_kept_convolution_follows_its_tensors(changed: str, replaced: bool) -> None:
+    """What was computed once is computed again when a weight or a statistic has changed, in place or by another tensor."""
+    convolution, norm = Same(4, 8, 3), torch.nn.BatchNorm2d(8).eval()
+    pair, image = torch.nn.ModuleDict({"weight": convolution, "norm": norm}), torch.rand(1, 4, 9, 9)
+    with torch.inference_mode():
+        before = convolution.normed(image, norm)
+        assert torch.equal(convolution.normed(image, norm), before)
+    with torch.no_grad():
+        given = {name: tensor + 0.5 if name.endswith(changed) else tensor for name, tensor in pair.state_dict().items()}
+    pair.load_state_dict(given, assign=replaced)
+    with torch.inference_mode():
+        after = convolution.normed(image, norm)
+        torch.testing.assert_close(after, norm(convolution(image)), rtol=1e-4, atol=1e-5)
+    assert not torch.allclose(after, before)
+
+
+def test_a_kept_convolution_learns_nothing_and_hides_no_gradient() -> None:
+    """After a prediction, a trained one has its gradients, and a frozen one lets those of its picture through."""
+    convolution, norm = Same(4, 8, 3), torch.nn.BatchNorm2d(8).eval()
+    image = torch.rand(1, 4, 9, 9, requires_grad=True)
+    with torch.inference_mode():
+        convolution.normed(image, norm)
+    convolution.normed(image, norm).sum().backward()
+    assert convolution.weight.grad is not None and convolution.weight.grad.abs().sum() > 0
+    for tensor in (*convolution.parameters(), *norm.parameters()):
+        tensor.requires_grad_(False)
+    (gradient,) = torch.autograd.grad(convolution.normed(image, norm).sum(), image)
+    assert gradient.abs().sum() > 0
+
+
 def test_size_of_the_published_model() -> None:
     """Parameters of the classifier as its authors state them, 4.7 million."""
     assert sum(one.numel() for one in EfficientNetLite0(CLASSES).parameters()) == 4_652_008
