@@ -117,7 +117,9 @@ def measure(g: Graph, origin: Origin, p: Settings) -> None:
 def ablate(g: Graph, origin: Origin, p: Settings) -> None:
     """Ablate parts of the model: several trainings of each row, scored on held-out stills; with --minutes, those that finish."""
     chosen  = p.twohands.model_train
-    sizes   = "small" if chosen.variant == "lite" else ""  # no row has the encoder of lite, nor its sizes
+    usual   = model_train.RELEASE if chosen.recipe == "release" else model_train.QUICK
+    of_lite = chosen.variant == "lite" and all(getattr(chosen, name) == getattr(usual, name) for name in model_train.SIZES)
+    sizes   = "small" if of_lite else ""  # no row has the encoder of lite, nor its sizes unless they were asked for
     planned = recipes(p.twohands.ablation_report.rows, p.twohands.ablation_report.seeds, bool(chosen.backbones), sizes)
     cases   = stills_to_measure(g, p)
     by_data = {name: tuple(recipe for recipe in planned if recipe.data == name) for name in ("stills", "extracted")}

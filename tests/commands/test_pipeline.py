@@ -15,6 +15,7 @@ from mcap.reader import make_reader
 
 from afford.codecs import CODEC
 from afford.recording.summary import summarise
+from commands.settings import settings
 from maps.settings import Origin, Settings
 from maps.twohands import ROWS
 from pipeline import build
@@ -292,3 +293,12 @@ def test_the_ablation_trains_each_row_on_its_data() -> None:
     assert stages["extracted",].keys() >= of_videos and not stages["extracted",].keys() & of_stills
     assert stages["full", "extracted"].keys() >= of_stills | of_videos
     assert ["others" in stages[rows]["ablation_report"] for rows in stages] == [False, False, True, True]
+
+
+@pytest.mark.parametrize(("words", "sizes"), [((), "small"), (("model_train.recipe=release",), "small"),
+    (("model_train.height_px=96",), ""), (("model_train.variant=small",), "")])  # fmt: skip
+def test_rows_of_the_ablation_have_the_sizes_that_were_asked_for(words: tuple[str, ...], sizes: str) -> None:
+    """The sizes of the variant that `make train` trains belong to its encoder, which no row has."""
+    graph = build("ablation", Origin("ablation"), settings(words, None))
+    planned = next(node.value for node in graph.nodes if node.name == "recipes")
+    assert {recipe.sizes for recipe in planned} == {sizes}

@@ -22,18 +22,20 @@ def test_seeds_are_planned_one_after_another() -> None:
 def test_rows_change_existing_parameters() -> None:
     for changes in ROWS.values():
         replace(rl_grasp_refinement.Params(), **changes)
-    requested = (POSITIVE, "student_no_negative", "paper_reward")
+    requested = (POSITIVE, "student_no_negative", *(name for name in ROWS if name.startswith("paper_")))
     every = (*grasp_report.Params().rows, *requested)
     assert sorted(every) == sorted((*ROWS, *STUDENTS)) and len(planned_runs(every, 1)) == len(every)
 
 
 def test_reward_of_the_paper() -> None:
-    """Four terms with the paper's weights; all other rows except the transfers use our reward."""
-    row = ROWS["paper_reward"]
-    assert reward_weights(row["reward"], scaled_negative_weights(row["reward"], row["lambda_n"])) == {
-        "hand": -1.0, "goal": -1.0, "success": 1.0, "negative_tips": -10.0}
+    """Four terms with the paper's weights, and its three lambda_n; all other rows except the transfers use our reward."""
+    lambda_n = {"paper_none": 0, "paper_hti": 0, "paper_half": -5, "paper_reward": -10, "paper_size": -10, "paper_double": -20}
+    for name, weight in lambda_n.items():
+        row = ROWS[name]
+        assert reward_weights(row["reward"], scaled_negative_weights(row["reward"], row["lambda_n"])) == {
+            "hand": -1, "goal": -1, "success": 1, "negative_tips": weight}
     assert {name for name, changes in ROWS.items() if "reward" in changes} == {
-        "paper_reward", *(name for name in ROWS if name.startswith("transfer_"))}
+        *lambda_n, *(name for name in ROWS if name.startswith("transfer_"))}
 
 
 def test_students_use_the_teacher_of_their_row() -> None:

@@ -23,14 +23,21 @@ from schemas.training import TrainingLog
 SAME: tuple[tuple[str, str, str], ...] = (
     (TEACHER, "state", "AffordDex"),
     ("paper_reward", "state", "AffordDex"),
+    ("paper_size", "state", "AffordDex"),
     (STUDENT, "vision", "AffordDex"),
     ("neither", "ablation, state", "none"),
+    ("paper_none", "ablation, state", "none"),
     (NO_NEGATIVE, "ablation, state", "HTI"),
+    ("paper_hti", "ablation, state", "HTI"),
+    ("paper_reward", "ablation, state", "HTI + NAA"),
     ("student_no_negative", "ablation, vision", "two of HTI, distillation, NAA"),
     ("student_no_negative", "ablation, vision", "another two of them"),
     ("lambda_half", "lambda_n", "-5"),
     (TEACHER, "lambda_n", "-10"),
     ("lambda_double", "lambda_n", "-20"),
+    ("paper_half", "lambda_n", "-5"),
+    ("paper_reward", "lambda_n", "-10"),
+    ("paper_double", "lambda_n", "-20"),
 )
 """our row, published table and published row. The parts of each row of the vision ablation are unknown; the student without
 negative terms is compared with both"""

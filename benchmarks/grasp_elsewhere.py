@@ -1,0 +1,194 @@
+"""Train and examine rows of `run grasp-full` on a machine with many cores, over the shipped prior; the table is written here.
+
+    PYTHONPATH=. python benchmarks/grasp_elsewhere.py pack  --work DIR [--store DIR]                  # here: hand, tasks, prior
+    PYTHONPATH=. python benchmarks/grasp_elsewhere.py train --work DIR [--rows NAMES] [--seeds LIST] [--at-once N] [--device cuda]
+    PYTHONPATH=. python benchmarks/grasp_elsewhere.py keep  --work DIR [--store DIR] [--bullet NAMES]
+
+`train` needs no PyBullet. Each row and seed is a process of one thread; it is examined in MuJoCo, and DIR keeps its policy and its
+episodes. Run again, it goes on with what is missing. `keep` adds the figures to benchmarks/grasp_rows.json and writes the table of
+docs/grasping/grasping.md; policies of the rows of `--bullet` are examined in PyBullet as well.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from afford.codecs import load_folder, save
+from afford.common.files import tree
+from runner import Graph, Runner
+from schemas.spec import Schema
+
+ROOT = Path(__file__).resolve().parent.parent
+PRIOR = ROOT / "weights" / "grasp-prior"
+ROWS = ("paper_none", "paper_hti", "paper_half", "paper_reward", "paper_double", "transfer_none", "transfer_hti", "transfer_naa",
+        "transfer_both", "neither", "naa_only", "positive_truth", "paper_size")  # fmt: skip
+LEVEL, COMMIT = "train", "commit.txt"
+SHOWN_S = 20.0
+
+
+def pack(args: argparse.Namespace) -> None:
+    """Write the hand, the tasks to train on and to examine, human motion, and the commit."""
+    from benchmarks.pages import head
+    from commands.session import digester, open_runner
+    from commands.settings import settings
+    from commands.weights import resolve_weights
+    from maps import grasping
+
+    runner, g = open_runner(args.store), Graph()
+    p = resolve_weights(settings((f"human_motion.prior={PRIOR}",), None), digester(runner), "grasp-full")
+    made = grasping.setup(g, p)
+    wanted = {"hand": made.hand, "references": made.people.references, **{f"tasks-{level}": made.objects.tasks[level]
+              for level in (grasping.TRAINING, LEVEL)}}  # fmt: skip
+    for name, handle in wanted.items():
+        shutil.rmtree(args.work / name, ignore_errors=True)
+        for n, one in enumerate(plain(computed(runner, g, name, handle))):
+            folder = args.work / name / f"{n:03d}"
+            folder.mkdir(parents=True)
+            save(one, folder)
+    (args.work / COMMIT).write_text(head())
+
+
+def computed(runner: Runner, g: Graph, target: str, *handles: Any) -> tuple[Any, ...]:
+    """Values of nodes of the graph, which become a target. SystemExit where a stage fails."""
+    from commands.progress import observer
+
+    g.target(target, *handles)
+    with observer(quiet=False) as shown:
+        report = runner.run(g, target, observer=shown)
+    if not report.ok:
+        raise SystemExit(str(report.failures[0]))
+    return tuple(runner.load(digest) for handle in handles for _, digest in report.outputs[g.node_of(handle).name])
+
+
+def plain(value: Any) -> Iterator[Schema]:
+    """Yield the plain values of a value, tuples within tuples one after the other."""
+    if isinstance(value, tuple):
+        for one in value:
+            yield from plain(one)
+    else:
+        yield value
+
+
+def packed(work: Path, name: str) -> tuple[Any, ...]:
+    """Read what `pack` wrote."""
+    return tuple(load_folder(folder) for folder in sorted((work / name).iterdir()))
+
+
+@dataclass(frozen=True)
+class Place:
+    """Context of a stage that is run alone: its scratch folder; progress goes to a log, at most every 20 s."""
+
+    scratch: Path
+    seen: dict[str, float]
+
+    def progress(self, done: int, total: int) -> None:
+        """Print progress."""
+        from time import monotonic
+
+        if done == total or monotonic() - self.seen.get("at", 0.0) > SHOWN_S:
+            self.seen["at"] = monotonic()
+            print(f"{self.scratch.name}: {done} of {total}", flush=True)
+
+
+def train(args: argparse.Namespace) -> None:
+    """Train and examine every row and seed that is missing, several at once, each in a process of its own."""
+    wanted = [f"{row}-{seed}" for seed in args.seeds.split(",") for row in args.rows.split(",")]
+    missing = [name for name in wanted if not (args.work / "done" / name / "episodes").is_dir()]
+    (args.work / "logs").mkdir(exist_ok=True)
+
+    def one(name: str) -> None:
+        command = (sys.executable, __file__, "one", "--work", str(args.work), "--rows", name, "--device", args.device,
+                   "--updates", str(args.updates))  # fmt: skip
+        with (args.work / "logs" / f"{name}.txt").open("w") as log:
+            code = subprocess.run(command, cwd=ROOT, stdout=log, stderr=subprocess.STDOUT).returncode
+        print(f"{name}: {'done' if code == 0 else f'failed, see logs/{name}.txt'}", flush=True)
+
+    with ThreadPoolExecutor(args.at_once) as several:
+        list(several.map(one, missing))
+
+
+def train_one(args: argparse.Namespace) -> None:
+    """Train one row with one seed and examine it in MuJoCo."""
+    from afford.grasping.evaluate.recipes import ROWS as RECIPES
+    from stages.grasping import grasp_evaluate, rl_grasp_refinement
+
+    name = args.rows
+    row, _, seed = name.rpartition("-")
+    usual = rl_grasp_refinement.Params(name=name, seed=int(seed), device=args.device if row == "paper_size" else "cpu")
+    params = replace(usual, **RECIPES[row], **({"updates": args.updates} if args.updates else {}))
+    hand, (references,) = packed(args.work, "hand")[0], packed(args.work, "references")
+    prior = (tree("prior", PRIOR),) if params.base == "prior" else ()
+    scratch = args.work / "scratch" / name
+    scratch.mkdir(parents=True, exist_ok=True)
+    trained = rl_grasp_refinement.run(hand, (packed(args.work, "tasks-training"),), prior, params, Place(scratch, {}))
+    policy = args.work / "done" / name / "policy"
+    for file in trained.files.files:
+        (policy / file.name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(file.path, policy / file.name)
+    exam, tasks = grasp_evaluate.Params(policy=row, engine="mujoco", traces=0), packed(args.work, f"tasks-{LEVEL}")
+    found = grasp_evaluate.run(hand, (tasks,), tree(row, policy), references, exam, Place(scratch, {}))
+    (policy.parent / "episodes").mkdir()
+    save(found, policy.parent / "episodes")
+
+
+def keep(args: argparse.Namespace) -> None:
+    """Add the figures of all trained policies to the table's file, those of some in PyBullet as well."""
+    from afford.grasping.evaluate.result_cells import scores
+    from benchmarks import grasp_kept
+    from benchmarks.pages import into
+
+    done = sorted(folder for folder in (args.work / "done").iterdir() if (folder / "episodes").is_dir())
+    wanted = set(filter(None, args.bullet.split(",")))
+    found = [load_folder(folder / "episodes") for folder in done]
+    found += in_bullet(args, [folder for folder in done if folder.name.rpartition("-")[0] in wanted])
+    told = args.work / "scores.json"
+    told.write_text(json.dumps(scores(found)))
+    known = grasp_kept.add(grasp_kept.KEPT, told, (args.work / COMMIT).read_text())
+    into(ROOT / "docs" / "grasping" / "grasping.md", "grasp-full", "bench_grasp.py", grasp_kept.table(known))
+
+
+def in_bullet(args: argparse.Namespace, policies: list[Path]) -> list[Any]:
+    """Examine policies in PyBullet; results are kept in the store."""
+    from commands.session import open_runner
+    from stages.grasping import grasp_evaluate
+
+    runner, g = open_runner(args.store), Graph()
+    shown = {"hand": packed(args.work, "hand")[0], "tasks": (packed(args.work, f"tasks-{LEVEL}"),),
+             "references": packed(args.work, "references")[0]}  # fmt: skip
+    leaves, examined = {name: g.leaf(name, value) for name, value in shown.items()}, []
+    for folder in policies:
+        params = grasp_evaluate.Params(policy=folder.name.rpartition("-")[0], traces=0)
+        examined.append(g.named(folder.name.replace("-", "_")).add(
+            grasp_evaluate.run, policy=g.leaf(f"policy_{folder.name}", tree(folder.name, folder / "policy")), params=params,
+            ctx=g.ctx, **leaves))  # fmt: skip
+    return list(computed(runner, g, "examined", *examined)) if examined else []
+
+
+def main() -> None:
+    """Pack, train or keep."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parts: dict[str, Callable[[argparse.Namespace], None]] = {"pack": pack, "train": train, "one": train_one, "keep": keep}
+    parser.add_argument("part", choices=parts)
+    parser.add_argument("--work", type=Path, required=True)
+    parser.add_argument("--store", type=Path, default=ROOT / "artifacts")
+    parser.add_argument("--rows", default=",".join(ROWS))
+    parser.add_argument("--seeds", default="0,1,2")
+    parser.add_argument("--at-once", type=int, default=1)
+    parser.add_argument("--device", default="cpu", help="of the networks of paper_size")
+    parser.add_argument("--updates", type=int, default=0, help="of PPO; the stage's own number")
+    parser.add_argument("--bullet", default="", help="rows to examine in PyBullet too")
+    args = parser.parse_args()
+    parts[args.part](args)
+
+
+if __name__ == "__main__":
+    main()
