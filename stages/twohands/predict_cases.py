@@ -2,7 +2,7 @@
 
 Reads   a benchmark in ActAffordance's layout; a model: config.json and model.safetensors, as model_train writes them
 Writes  predictions.parquet: probabilities of every hypothesis and hand, scores, taxonomy, chosen hands, threshold
-Method  one image and its task at a time, on request averaged with its mirror image; a second look at the crop of small objects. `shuffled`
+Method  one image and its task at a time, averaged with its mirror image; a second look at the crop of small objects. `shuffled`
         prompts with the task of another case, `removed` with an empty one, to measure the effect of the text
 Fails   when a case or the model cannot be read
 Paper   2HandedAfforder, benchmark and ablations
@@ -40,7 +40,7 @@ class Params:
     """returned hands; auto: selected by the taxonomy head"""
     looks: int = 2
     """2: predict again on the crop of a small object, for models that output complete objects; 1: do not"""
-    mirror: bool = False
+    mirror: bool = True
     """average the predictions of each picture and its mirror image"""
     seed: int = 0
     """seed of the shuffling"""

@@ -36,7 +36,7 @@ def of_mirror(one: RawPrediction, order: list[int]) -> RawPrediction:
 @pytest.mark.parametrize("seed", range(3))
 def test_a_mirrored_question_has_the_mirrored_answer(seed: int) -> None:
     """A mirrored picture with exchanged words gives the mirrored regions of the other hand, for any model."""
-    predictor, image = Predictor(build(TINY, seed), mirror=True), picture(seed)
+    predictor, image = Predictor(build(TINY, seed)), picture(seed)
     here, there = predictor.predict(image, TASK), predictor.predict(mirror_image(image), swap_sides(TASK))
     assert there.taxonomy == pytest.approx(here.taxonomy[list(MIRRORED)], abs=1e-5)
     expected, found = (one.probability.mean(1) for one in (here, there))

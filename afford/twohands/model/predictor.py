@@ -1,8 +1,8 @@
 """Predict the region of each hand from an image and a task, at the image's own size.
 
-Where the object fills little of the picture, the model runs a second time on the crop around the object: in a whole picture the small
-model finds the object, but hardly its parts. Only the whole picture shows the position of the object, and hence which hand is nearer,
-so the taxonomies of both runs are combined. On request, a prediction is averaged over the picture and its mirror image.
+A prediction is averaged over the picture and its mirror image. Where the object fills little of the picture, the model runs a
+second time on the crop around the object: in a whole picture the small model finds the object, but hardly its parts. Only the whole
+picture shows the position of the object, and hence which hand is nearer, so the taxonomies of both runs are combined.
 """
 
 from __future__ import annotations
@@ -62,13 +62,13 @@ class Predictor:
     >>> found.mask("left"), found.mask("right")
     """
 
-    def __init__(self, model: str | Path | TwoHands, device: str = "cpu", mirror: bool = False, dtype: str = "",
+    def __init__(self, model: str | Path | TwoHands, device: str = "cpu", mirror: bool = True, dtype: str = "",
                  pictures: int = 1) -> None:  # fmt: skip
         """Load a model, or take one that is in memory.
 
         `model` is a model, or a folder that `save_model` wrote or a training published. With `mirror`, every prediction is the mean
-        over the picture and its mirror image, which takes twice the time and adds little; not for `vlm`, which answers one picture. A
-        folder with a vocabulary reads unknown words of tasks as known ones (`stand_ins.read_task`). `dtype` is the number type of a folder's
+        over the picture and its mirror image, which takes twice the time; not for `vlm`, which answers one picture. A folder with a
+        vocabulary reads unknown words of tasks as known ones (`stand_ins.read_task`). `dtype` is the number type of a folder's
         weights, and `pictures` the largest batch, for which there must be memory (`load_model`).
         """
         loaded = model if isinstance(model, TwoHands) else load_model(Path(model), dtype, device, pictures)
