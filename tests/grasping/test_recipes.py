@@ -29,7 +29,8 @@ def test_rows_change_existing_parameters() -> None:
 
 def test_reward_of_the_paper() -> None:
     """Four terms with the paper's weights, and its three lambda_n; all other rows except the transfers use our reward."""
-    lambda_n = {"paper_none": 0, "paper_hti": 0, "paper_half": -5, "paper_reward": -10, "paper_size": -10, "paper_double": -20}
+    lambda_n = {"paper_none": 0, "paper_hti": 0, "paper_half": -5, "paper_reward": -10, "paper_size": -10, "paper_double": -20,
+                "paper_light": -0.5}  # fmt: skip
     for name, weight in lambda_n.items():
         row = ROWS[name]
         assert reward_weights(row["reward"], scaled_negative_weights(row["reward"], row["lambda_n"])) == {

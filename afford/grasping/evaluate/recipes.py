@@ -28,6 +28,7 @@ ROWS: dict[str, dict[str, Any]] = {
     "paper_reward": {"reward": "afforddex", "lambda_n": NAA},
     "paper_half": {"reward": "afforddex", "lambda_n": NAA / 2},
     "paper_double": {"reward": "afforddex", "lambda_n": NAA * 2},
+    "paper_light": {"reward": "afforddex", "lambda_n": NAA / 20},
     "paper_size": {"reward": "afforddex", "lambda_n": NAA, "size": "paper"},
     POSITIVE_TRUTH: {"lambda_n": NAA, "positive": -1.0},
     POSITIVE: {"lambda_n": NAA, "positive": -1.0},
@@ -38,7 +39,7 @@ ROWS: dict[str, dict[str, Any]] = {
 }
 """teacher: HTI and NAA, the first two stages of AffordDex; no_negative: HTI alone; naa_only: without the prior; neither: PPO from
 scratch; on_script*: a scripted grasp instead of the prior; lambda_*: other weights of the negative terms; paper_*: the paper's
-four terms instead of `dense` (paper_reward: all, with lambda_n of -10; paper_half and paper_double: -5 and -20; paper_hti and
+four terms instead of `dense` (paper_reward: all, with lambda_n of -10; paper_half, paper_double and paper_light: -5, -20 and -0.5; paper_hti and
 paper_none: without the negative term, and without the prior as well; paper_size: with its networks); positive*: fingertips are attracted to A_t, half as much as to the surface (true, or
 predicted by the two-hand model); transfer_*: both added to the rewards of UniDexGrasp++"""
 
