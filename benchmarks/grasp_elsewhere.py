@@ -29,8 +29,8 @@ from schemas.spec import Schema
 
 ROOT = Path(__file__).resolve().parent.parent
 PRIOR = ROOT / "weights" / "grasp-prior"
-ROWS = ("paper_none", "paper_hti", "paper_light", "paper_half", "paper_reward", "paper_double", "transfer_none", "transfer_hti", "transfer_naa",
-        "transfer_both", "neither", "naa_only", "positive_truth", "paper_size")  # fmt: skip
+ROWS = ("paper_none", "paper_hti", "paper_light", "paper_half", "paper_reward", "paper_double", "transfer_none", "transfer_hti",
+        "transfer_naa", "transfer_both", "neither", "naa_only", "positive_truth", "paper_size")  # fmt: skip
 LEVEL, COMMIT = "train", "commit.txt"
 SHOWN_S = 20.0
 

@@ -39,9 +39,10 @@ ROWS: dict[str, dict[str, Any]] = {
 }
 """teacher: HTI and NAA, the first two stages of AffordDex; no_negative: HTI alone; naa_only: without the prior; neither: PPO from
 scratch; on_script*: a scripted grasp instead of the prior; lambda_*: other weights of the negative terms; paper_*: the paper's
-four terms instead of `dense` (paper_reward: all, with lambda_n of -10; paper_half, paper_double and paper_light: -5, -20 and -0.5; paper_hti and
-paper_none: without the negative term, and without the prior as well; paper_size: with its networks); positive*: fingertips are attracted to A_t, half as much as to the surface (true, or
-predicted by the two-hand model); transfer_*: both added to the rewards of UniDexGrasp++"""
+four terms instead of `dense` (paper_reward: all, with lambda_n of -10; paper_half, paper_double and paper_light: -5, -20, -0.5;
+paper_hti and paper_none: without the negative term, and without the prior as well; paper_size: with its networks); positive*:
+fingertips are attracted to A_t, half as much as to the surface (true, or predicted by the two-hand model); transfer_*: both added
+to the rewards of UniDexGrasp++"""
 
 
 def planned_runs(rows: Iterable[str], seeds: int) -> tuple[tuple[str, int], ...]:
