@@ -99,7 +99,8 @@ SIMULATED = ("Objects, human motion and physics are synthetic; no recorded data.
 PHYSICS = ("Simulated contact alone. It has not been tried on a robot: do not let it move hardware near people. Objects that are "
            "longer, thicker or heavier than its training objects are outside its experience.")  # fmt: skip
 TRACED_ROOMS = ("still_render.backend=cycles", "train_plan.rooms=16")
-"""path-traced rooms; they are in the training twice, beside 54 rooms of the fast renderer"""
+MORE_TRACED_ROOMS = ("still_render.backend=cycles", "train_plan.seed=31", "train_plan.rooms=31", "train_plan.val_rooms=0")
+"""path-traced rooms, beside 54 rooms of the fast renderer: the first of these in path tracing, and others"""
 ALONE = ("train_plan.rooms=1", "train_plan.val_rooms=0", "train_plan.layouts=1", "train_plan.views=1",
          "object_build.max_faces=8000", "object_build.atlas_px=256")  # fmt: skip
 """objects alone on tables, and one picture of a room"""
@@ -111,7 +112,7 @@ RECIPES = {
         "whole pictures with many objects, are much harder than crops. In the figures, words of kinds that were never shown "
         "(kettle, spatula) are read as known ones by a table that has them. It answers every question, also where no object fits. "
         "Not for deciding whether touching something is safe, and not for recognising or monitoring people.",
-        data="Stills of rendered kitchens, and of tools alone on tables: three in ten by a path tracer "
+        data="Stills of rendered kitchens, and of tools alone on tables: a third by a path tracer "
              "(`still_render.backend=cycles`: Blender's Cycles, GPL, a program that this model does not contain), the others by "
              "the fast renderer. Some path-traced surfaces are photographs out of `robosuite` (MIT), `scikit-image` "
              "(BSD-3-Clause), `pybullet` (zlib), `gnome-backgrounds` (CC-BY-SA-3.0) and `mate-backgrounds` (GPL-2+ and CC-BY-SA), "
@@ -119,7 +120,7 @@ RECIPES = {
              "ImageNet, whose pictures have terms of their own; its weights are not in this file either: set-up fetches them.",
         sets=("model_train.recipe=release", "model_train.steps=4500", "model_train.validate_every=1500",
               "model_train.residue_share=0.4"),
-        stills=((), TRACED_ROOMS, TRACED_ROOMS, (*ALONE, "tool_plan.per_category=7"),
+        stills=((), TRACED_ROOMS, MORE_TRACED_ROOMS, (*ALONE, "tool_plan.per_category=7"),
                 (*ALONE, "still_render.backend=cycles", "tool_render.backend=cycles", "tool_plan.per_category=2",
                  "tool_plan.seed=20272", "tool_plan.val_every=0", "tool_render.views=2")),
         inside="model",
