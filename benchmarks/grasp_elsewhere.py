@@ -162,9 +162,10 @@ def in_bullet(args: argparse.Namespace, policies: list[Path]) -> list[Any]:
     from stages.grasping import grasp_evaluate
 
     runner, g = open_runner(args.store), Graph()
-    shown = {"hand": packed(args.work, "hand")[0], "tasks": (packed(args.work, f"tasks-{LEVEL}"),),
-             "references": packed(args.work, "references")[0]}  # fmt: skip
-    leaves, examined = {name: g.leaf(name, value) for name, value in shown.items()}, []
+    (hand,), (references,) = packed(args.work, "hand"), packed(args.work, "references")
+    leaves = {"hand": g.leaf("hand", hand), "references": g.leaf("references", references),
+              "tasks": g.collect(g.leaf("tasks", packed(args.work, f"tasks-{LEVEL}")))}  # fmt: skip
+    examined = []
     for folder in policies:
         params = grasp_evaluate.Params(policy=folder.name.rpartition("-")[0], traces=0)
         examined.append(g.named(folder.name.replace("-", "_")).add(
