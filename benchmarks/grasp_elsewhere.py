@@ -152,7 +152,7 @@ def keep(args: argparse.Namespace) -> None:
     found += in_bullet(args, [folder for folder in done if folder.name.rpartition("-")[0] in wanted])
     told = args.work / "scores.json"
     told.write_text(json.dumps(scores(found)))
-    known = grasp_kept.add(grasp_kept.KEPT, told, (args.work / COMMIT).read_text())
+    known = grasp_kept.add(grasp_kept.KEPT, told, (args.work / COMMIT).read_text().strip())
     into(ROOT / "docs" / "grasping" / "grasping.md", "grasp-full", "bench_grasp.py", grasp_kept.table(known))
 
 
