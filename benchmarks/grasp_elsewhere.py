@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from afford.codecs import load_folder, save
-from afford.common.files import tree
+from afford.common.files import empty_folder, tree
 from runner import Graph, Runner
 from schemas.spec import Schema
 
@@ -136,8 +136,9 @@ def train_one(args: argparse.Namespace) -> None:
         shutil.copyfile(file.path, policy / file.name)
     exam, tasks = grasp_evaluate.Params(policy=row, engine="mujoco", traces=0), packed(args.work, f"tasks-{LEVEL}")
     found = grasp_evaluate.run(hand, (tasks,), tree(row, policy), references, exam, Place(scratch, {}))
-    (policy.parent / "episodes").mkdir()
-    save(found, policy.parent / "episodes")
+    made = empty_folder(scratch / "episodes")
+    save(found, made)
+    made.rename(policy.parent / "episodes")
 
 
 def keep(args: argparse.Namespace) -> None:
