@@ -139,9 +139,10 @@ def test_the_initial_weights_of_a_training_are_an_input(model: Path) -> None:
 
 
 def test_rows_of_the_ablation_have_the_named_parts_alone(model: Path) -> None:
-    """Parts that are named are an input, the encoder of set-up is not; without a variant the rows have the size of `small`."""
+    """Parts that are named are an input, the encoder of set-up is not; rows have the size of `small`, or the one asked for."""
     sides = "model_train.height_px=64", "model_train.width_px=96"
-    for sets, wanted, size in (([], "", (128, 160)), ([f"model_train.backbones={model}", *sides], "model", (128, 160)),
+    for sets, wanted, size in (([], "", (128, 160)), ([f"model_train.backbones={model}"], "model", (128, 160)),
+                               ([f"model_train.backbones={model}", *sides], "model", (64, 96)),
                                ([f"model_train.backbones={model}", "model_train.variant=clip"], "model", (1024, 1024)),
                                (["model_train.variant=small", *sides], "", (64, 96))):
         chosen = resolve_weights(settings(sets, None), digest)

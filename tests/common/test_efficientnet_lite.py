@@ -47,7 +47,7 @@ def test_normalisation_inside_a_convolution_changes_nothing(size: tuple[int, int
 @pytest.mark.parametrize("changed", ["weight", "norm.weight", "norm.bias", "norm.running_mean", "norm.running_var"])
 @pytest.mark.parametrize("replaced", [False, True])
 def test_a_kept_convolution_follows_its_tensors(changed: str, replaced: bool) -> None:
-    """What was computed once is computed again when a weight or a statistic has changed, in place or by another tensor."""
+    """Weight and bias are computed again when a tensor they come from has changed, in place or by another tensor."""
     convolution, norm = Same(4, 8, 3), torch.nn.BatchNorm2d(8).eval()
     pair, image = torch.nn.ModuleDict({"weight": convolution, "norm": norm}), torch.rand(1, 4, 9, 9)
     with torch.inference_mode():
@@ -63,7 +63,7 @@ def test_a_kept_convolution_follows_its_tensors(changed: str, replaced: bool) ->
 
 
 def test_a_kept_convolution_learns_nothing_and_hides_no_gradient() -> None:
-    """After a prediction, a trained one has its gradients, and a frozen one lets those of its picture through."""
+    """A trained one has its gradients after a prediction, and a frozen one lets those of its picture through."""
     convolution, norm = Same(4, 8, 3), torch.nn.BatchNorm2d(8).eval()
     image = torch.rand(1, 4, 9, 9, requires_grad=True)
     with torch.inference_mode():
