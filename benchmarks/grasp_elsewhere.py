@@ -18,12 +18,13 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from afford.codecs import load_folder, save
 from afford.common.files import empty_folder, tree
+from benchmarks.two_hands_renderers import Here
 from runner import Graph, Runner
 from schemas.spec import Schema
 
@@ -32,7 +33,6 @@ PRIOR = ROOT / "weights" / "grasp-prior"
 ROWS = ("paper_none", "paper_hti", "paper_light", "paper_half", "paper_reward", "paper_double", "transfer_none", "transfer_hti",
         "transfer_naa", "transfer_both", "neither", "naa_only", "positive_truth", "paper_size")  # fmt: skip
 LEVEL, COMMIT = "train", "commit.txt"
-SHOWN_S = 20.0
 
 
 def pack(args: argparse.Namespace) -> None:
@@ -83,22 +83,6 @@ def packed(work: Path, name: str) -> tuple[Any, ...]:
     return tuple(load_folder(folder) for folder in sorted((work / name).iterdir()))
 
 
-@dataclass(frozen=True)
-class Place:
-    """Context of a stage that is run alone: its scratch folder; progress goes to a log, at most every 20 s."""
-
-    scratch: Path
-    seen: dict[str, float]
-
-    def progress(self, done: int, total: int) -> None:
-        """Print progress."""
-        from time import monotonic
-
-        if done == total or monotonic() - self.seen.get("at", 0.0) > SHOWN_S:
-            self.seen["at"] = monotonic()
-            print(f"{self.scratch.name}: {done} of {total}", flush=True)
-
-
 def train(args: argparse.Namespace) -> None:
     """Train and examine every row and seed that is missing, several at once, each in a process of its own."""
     wanted = [f"{row}-{seed}" for seed in args.seeds.split(",") for row in args.rows.split(",")]
@@ -106,8 +90,7 @@ def train(args: argparse.Namespace) -> None:
     (args.work / "logs").mkdir(exist_ok=True)
 
     def one(name: str) -> None:
-        command = (sys.executable, __file__, "one", "--work", str(args.work), "--rows", name, "--device", args.device,
-                   "--updates", str(args.updates))  # fmt: skip
+        command = (sys.executable, __file__, "one", "--work", str(args.work), "--rows", name, "--device", args.device)
         with (args.work / "logs" / f"{name}.txt").open("w") as log:
             code = subprocess.run(command, cwd=ROOT, stdout=log, stderr=subprocess.STDOUT).returncode
         print(f"{name}: {'done' if code == 0 else f'failed, see logs/{name}.txt'}", flush=True)
@@ -124,18 +107,18 @@ def train_one(args: argparse.Namespace) -> None:
     name = args.rows
     row, _, seed = name.rpartition("-")
     usual = rl_grasp_refinement.Params(name=name, seed=int(seed), device=args.device if row == "paper_size" else "cpu")
-    params = replace(usual, **RECIPES[row], **({"updates": args.updates} if args.updates else {}))
+    params = replace(usual, **RECIPES[row])
     hand, (references,) = packed(args.work, "hand")[0], packed(args.work, "references")
     prior = (tree("prior", PRIOR),) if params.base == "prior" else ()
     scratch = args.work / "scratch" / name
     scratch.mkdir(parents=True, exist_ok=True)
-    trained = rl_grasp_refinement.run(hand, (packed(args.work, "tasks-training"),), prior, params, Place(scratch, {}))
+    trained = rl_grasp_refinement.run(hand, (packed(args.work, "tasks-training"),), prior, params, Here(scratch))
     policy = args.work / "done" / name / "policy"
     for file in trained.files.files:
         (policy / file.name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(file.path, policy / file.name)
     exam, tasks = grasp_evaluate.Params(policy=row, engine="mujoco", traces=0), packed(args.work, f"tasks-{LEVEL}")
-    found = grasp_evaluate.run(hand, (tasks,), tree(row, policy), references, exam, Place(scratch, {}))
+    found = grasp_evaluate.run(hand, (tasks,), tree(row, policy), references, exam, Here(scratch))
     made = empty_folder(scratch / "episodes")
     save(found, made)
     made.rename(policy.parent / "episodes")
@@ -186,7 +169,6 @@ def main() -> None:
     parser.add_argument("--seeds", default="0,1,2")
     parser.add_argument("--at-once", type=int, default=1)
     parser.add_argument("--device", default="cpu", help="of the networks of paper_size")
-    parser.add_argument("--updates", type=int, default=0, help="of PPO; the stage's own number")
     parser.add_argument("--bullet", default="", help="rows to examine in PyBullet too")
     args = parser.parse_args()
     parts[args.part](args)

@@ -172,11 +172,15 @@ def score(args: argparse.Namespace) -> None:
             continue
         model = tree("model", args.work / "models" / one.name)
         for test in args.tests:
-            files = tree("cases", args.work / "cases" / test)
-            cases = FileTree("cases", tuple(file for file in files.files if not file.name.startswith("masks/")))
+            cases = crops(args.work / "cases" / test)
             found[one, test] = run(runner, "benchmark", lambda g, m=model, c=cases, t=test: scored(g, m, c, t))
     if args.tests == list(TESTS):
         PAGE.write_text(page(found))
+
+
+def crops(folder: Path) -> FileTree:
+    """Cases of a set of stills without its whole pictures."""
+    return FileTree("cases", tuple(file for file in tree("cases", folder).files if not file.name.startswith("masks/")))
 
 
 def scored(g: Any, model: FileTree, cases: FileTree, test: str) -> FileTree:

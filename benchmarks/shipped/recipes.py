@@ -99,8 +99,9 @@ SIMULATED = ("Objects, human motion and physics are synthetic; no recorded data.
 PHYSICS = ("Simulated contact alone. It has not been tried on a robot: do not let it move hardware near people. Objects that are "
            "longer, thicker or heavier than its training objects are outside its experience.")  # fmt: skip
 TRACED_ROOMS = ("still_render.backend=cycles", "train_plan.rooms=16")
+"""the first rooms of the fast renderer, path-traced"""
 MORE_TRACED_ROOMS = ("still_render.backend=cycles", "train_plan.seed=31", "train_plan.rooms=31", "train_plan.val_rooms=0")
-"""path-traced rooms, beside 54 rooms of the fast renderer: the first of these in path tracing, and others"""
+"""path-traced rooms that the fast renderer does not show"""
 ALONE = ("train_plan.rooms=1", "train_plan.val_rooms=0", "train_plan.layouts=1", "train_plan.views=1",
          "object_build.max_faces=8000", "object_build.atlas_px=256")  # fmt: skip
 """objects alone on tables, and one picture of a room"""

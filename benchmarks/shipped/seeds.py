@@ -12,11 +12,11 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-
 from afford.common.files import tree
+from benchmarks.bench_twohands import cell
 from benchmarks.pages import ROOT, into
 from benchmarks.shipped.score import GROUPS, MEASURES, Figures, run
+from benchmarks.two_hands_renderers import crops
 from commands.session import open_runner
 from maps.settings import Settings
 from runner import Graph, Runner
@@ -31,19 +31,12 @@ def figures(runner: Runner, model: Path, cases: Path) -> Figures:
     """Figures of a model on the crops of a set of stills, prompted with the task of each case."""
     def build(g: Graph) -> FileTree:
         p = Settings().twohands
-        crops = FileTree("cases", tuple(file for file in tree("cases", cases).files if not file.name.startswith("masks/")))
-        shown, given = g.leaf("cases", crops), g.leaf("model", tree("model", model))
+        shown, given = g.leaf("cases", crops(cases)), g.leaf("model", tree("model", model))
         said = g.add(predict_cases.run, cases=shown, model=given, params=p.predict_cases, ctx=g.ctx)
         scores = g.add(score_cases.run, cases=shown, predictions=said, params=p.score_cases)
         return g.add(benchmark.run, scores=(scores,), others=g.leaf("others", ()), params=p.benchmark, ctx=g.ctx)
 
     return run(runner, "benchmark", build)
-
-
-def cell(found: Sequence[Figures], name: str) -> str:
-    """Mean of a figure, with its standard deviation over several trainings."""
-    values = [one[name] for one in found]
-    return f"{np.mean(values):.3f}" + (f" ± {np.std(values, ddof=1):.3f}" if len(values) > 1 else "")
 
 
 def row(stills: str, group: str, title: str, found: Sequence[Figures], prefix: str) -> str:
