@@ -67,11 +67,12 @@ def resolve_weights(chosen: Settings, digest: Callable[[Path], str], target: str
 
 def _shipped(chosen: Settings, digest: Callable[[Path], str], target: str) -> dict[str, FileTree]:
     """Shipped models of a target by the stages that trained them; none where parameters of its training were set."""
-    from afford.models.shipped import PARTS, TEACHER, shipped_files
+    from afford.models.shipped import BODIES, PARTS, TEACHER, shipped_files
 
     scorer, teacher = (PARTS, ("scorer_train",)), (TEACHER, ("rl_grasp_refinement", "hand_imitation"))
-    served = {"negative-affordance": (scorer,), "grasp-play": (teacher,), "grasp-household": (teacher,),
-              "grasp": (scorer, teacher), "grasp-adapt": (scorer, teacher)}  # fmt: skip
+    on_bodies = (teacher, (BODIES, ("body_refinement", *teacher[1])))
+    served = {"negative-affordance": (scorer,), "grasp-play": (teacher,), "grasp-household": on_bodies,
+              "grasp": (scorer, *on_bodies), "grasp-adapt": (scorer, *on_bodies)}  # fmt: skip
     found: dict[str, FileTree] = {}
     for name, stages in served.get(target, ()):
         if any(chosen.params(stage) != type(chosen.params(stage))() for stage in stages):

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
+from itertools import product
 from typing import NamedTuple
 
 from maps import surface
@@ -15,9 +17,22 @@ from schemas.files import FileTree
 from schemas.grasp import GraspTask
 from schemas.hand import HandModel
 from schemas.training import TrainingLog
-from stages.grasping import body_adapt, body_episodes, body_evaluate, body_list, body_report, body_tasks
+from stages.grasping import (
+    body_adapt,
+    body_episodes,
+    body_evaluate,
+    body_list,
+    body_refinement,
+    body_report,
+    body_tasks,
+    household_tasks,
+)
 from stages.recording import grasp_record
 from stages.surface import part_segment
+from stages.synthetic import household_build, household_plan
+
+LESSON_USES = 2
+"""uses of each household body that a policy is trained on, at most: others of the same part have the same place"""
 
 
 class Bodies(NamedTuple):
@@ -46,6 +61,27 @@ def add_bodies(g: Graph, origin: Origin, hand: HandModel, p: Settings) -> Bodies
                   g.add(body_list.run, body=made, params=body_list.Params()))  # fmt: skip
 
 
+def household_bodies(g: Graph, hand: HandModel, p: Settings, prefix: str = "") -> Bodies:
+    """Build household bodies, and derive their tasks with true parts and N_t; `prefix` of the names of the stages."""
+    spec = g.each(g.named(f"{prefix}household_plan").add(household_plan.run, params=p.synthetic.household_plan))
+    built = g.named(f"{prefix}household_build").add(household_build.run, spec=spec, params=p.synthetic.household_build)
+    made = g.named(f"{prefix}household_tasks").add(household_tasks.run, hand=hand, mesh=g.pick(built, lambda b: b.mesh),
+                                                   parts=g.pick(built, lambda b: b.parts),
+                                                   params=p.grasping.household_tasks)  # fmt: skip
+    return Bodies((), made, g.named(f"{prefix}body_list").add(body_list.run, body=made, params=body_list.Params()))
+
+
+def refine_teacher(g: Graph, hand: HandModel, teacher: FileTree, p: Settings) -> FileTree:
+    """Train a teacher further on household bodies, whose held-out categories and seen shapes it does not meet."""
+    uses = min(LESSON_USES, p.grasping.household_tasks.uses)
+    lessons = p.with_stages(household_plan=replace(p.synthetic.household_plan, splits=("train",), categories=()),
+                            household_tasks=replace(p.grasping.household_tasks, uses=uses))  # fmt: skip
+    tasks = household_bodies(g, hand, lessons, "lesson_").tasks
+    made = g.add(body_refinement.run, hand=hand, tasks=g.collect(tasks), policy=teacher, params=p.grasping.body_refinement,
+                 ctx=g.ctx)  # fmt: skip
+    return g.publish(g.pick(made, lambda t: t.files), "models/{source}-bodies", as_="refined")
+
+
 def adapt_bodies(g: Graph, hand: HandModel, bodies: Bodies, policy: FileTree,
                  p: Settings) -> tuple[FileTree, tuple[TrainingLog, ...]]:  # fmt: skip
     """Adapt a teacher to each body; the policy of each, and the curves of all."""
@@ -54,10 +90,11 @@ def adapt_bodies(g: Graph, hand: HandModel, bodies: Bodies, policy: FileTree,
     return files, g.collect(g.pick(made, lambda t: t.log))
 
 
-def evaluate_bodies(g: Graph, hand: HandModel, bodies: Bodies, policy: FileTree, name: str, p: Settings) -> list[GraspEpisodes]:
-    """Evaluate a policy on every body; handles of the episodes of all bodies, one for each engine."""
+def evaluate_bodies(g: Graph, hand: HandModel, bodies: Bodies, policies: Mapping[str, FileTree],
+                    p: Settings) -> list[GraspEpisodes]:  # fmt: skip
+    """Evaluate policies by name on every body; handles of the episodes of all bodies, one for each policy and engine."""
     out = list[GraspEpisodes]()
-    for engine in p.grasping.body_report.engines:
+    for (name, policy), engine in product(policies.items(), p.grasping.body_report.engines):
         each = g.named(f"{name}_{engine}").add(body_evaluate.run, hand=hand, tasks=bodies.tasks, policy=policy,
                                                params=replace(p.grasping.body_evaluate, policy=name, engine=engine), ctx=g.ctx)
         out.append(g.named(f"{name}_{engine}_episodes").add(body_episodes.run, episodes=g.collect(each),
@@ -69,7 +106,7 @@ def report_bodies(g: Graph, target: str, hand: HandModel, bodies: Bodies, episod
                   before: list[GraspEpisodes] | None = None, adapted: tuple[TrainingLog, ...] | None = None) -> None:  # fmt: skip
     """Report the episodes of all bodies, film and record them, and set the target.
 
-    Episodes `before` an adaptation are in the report only; `adapted` are its curves.
+    Episodes `before` an adaptation are in the report only; `adapted` are its curves. Films are those of the last policy.
     """
     logs = g.leaf("not_adapted", ()) if adapted is None else adapted
     page = g.add(body_report.run, meshes=bodies.names, bodies=g.collect(bodies.made), adapted=logs,
@@ -78,7 +115,7 @@ def report_bodies(g: Graph, target: str, hand: HandModel, bodies: Bodies, episod
     tasks = g.collect(bodies.tasks)
     films = [g.named(f"grasp_record_{number}").add(grasp_record.run, hand=hand, tasks=tasks, episodes=one,
                                                    params=p.grasping.grasp_record, ctx=g.ctx)
-             for number, one in enumerate(episodes)]  # fmt: skip
+             for number, one in enumerate(episodes[-len(p.grasping.body_report.engines) :])]  # fmt: skip
     for number, film in enumerate(films):
         g.publish(film, f"recordings/{{source}}/grasps-{number}", as_=f"films_{number}")
     g.target(target, reported(g, page), record_run(g, "body_report", page), *films)

@@ -56,6 +56,8 @@ LEVELS_OF_ROW = {TEACHER: LEVELS, NO_NEGATIVE: LEVELS, STUDENT: LEVELS, POSITIVE
 """row -> levels it is evaluated on; every other row is evaluated on level `train` only"""
 CONDITIONS: dict[str, dict[str, Any]] = {"dropped": {"poses": "dropped"}, "pushed": {"push_n": 2.0}}
 """further evaluations of a teacher on level `train`: objects dropped at random; pushes on the raised object"""
+BODIES = "bodies"
+"""name of the teacher that was trained further on household bodies"""
 SHOWN, EPISODES_SHOWN = ("knife", "screwdriver", "spatula"), 9
 """tools of `grasp-play`, and its episodes"""
 SHAPES, SIZES, BALLAST = 6, (0.85, 1.15), 6.0
@@ -401,20 +403,38 @@ def usual_teacher(g: Graph, p: Settings) -> tuple[HandModel, FileTree]:
     return made.hand, g.pick(train_teacher(g, made, TEACHER, 0, p), lambda t: t.files)
 
 
+def body_policies(g: Graph, p: Settings) -> tuple[HandModel, dict[str, FileTree]]:
+    """Robot hand, and the policies of `body_report.policies` for bodies; those that are not shipped are trained.
+
+    ValueError for another name.
+    """
+    wanted = p.grasping.body_report.policies
+    if not wanted or set(wanted) - {TEACHER, BODIES}:
+        raise ValueError(f"body_report.policies: expected some of {TEACHER}, {BODIES}, got {', '.join(wanted) or 'none'}")
+    refined = shipped(g, p, "body_refinement") if BODIES in wanted else None
+    if wanted == (BODIES,) and refined is not None:
+        return robot_hand(g, p), {BODIES: refined}
+    hand, teacher = usual_teacher(g, p)
+    if BODIES in wanted and refined is None:
+        refined = bodies.refine_teacher(g, hand, teacher, p)
+    known = {TEACHER: teacher, BODIES: refined}
+    return hand, {name: policy for name in wanted if (policy := known[name]) is not None}
+
+
 def grasp_meshes(g: Graph, origin: Origin, p: Settings) -> None:
-    """Grasps of the user's meshes by the shipped teacher as it is, in both engines."""
-    hand, policy = usual_teacher(g, p)
+    """Grasps of the user's meshes by the shipped policy of bodies as it is, in both engines."""
+    hand, policies = body_policies(g, p)
     found = bodies.add_bodies(g, origin, hand, p)
-    bodies.report_bodies(g, "grasp", hand, found, bodies.evaluate_bodies(g, hand, found, policy, TEACHER, p), p)
+    bodies.report_bodies(g, "grasp", hand, found, bodies.evaluate_bodies(g, hand, found, policies, p), p)
 
 
 def grasp_adapt(g: Graph, origin: Origin, p: Settings) -> None:
-    """Grasps of the meshes of --source by the shipped teacher, as it is and adapted to each in minutes, in both engines."""
-    hand, policy = usual_teacher(g, p)
+    """Grasps of the meshes of --source by the shipped policy of bodies, as it is and adapted to each, in both engines."""
+    hand, policies = body_policies(g, p)
     found = bodies.add_bodies(g, origin, hand, p)
-    before = bodies.evaluate_bodies(g, hand, found, policy, TEACHER, p)
-    adapted, curves = bodies.adapt_bodies(g, hand, found, policy, p)
-    after = bodies.evaluate_bodies(g, hand, found, adapted, "adapted", p)
+    before = bodies.evaluate_bodies(g, hand, found, policies, p)
+    adapted, curves = bodies.adapt_bodies(g, hand, found, list(policies.values())[-1], p)
+    after = bodies.evaluate_bodies(g, hand, found, {"adapted": adapted}, p)
     bodies.report_bodies(g, "grasp-adapt", hand, found, after, p, before, curves)
 
 

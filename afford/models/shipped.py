@@ -17,7 +17,7 @@ from afford.models.weights import weight_files
 from schemas.files import FileTree
 
 FOLDER = Path(__file__).resolve().parents[2] / "weights"
-TWO_HANDS, PARTS, SOR3D, TEACHER = "twohands", "parts", "sor3d", "grasp-teacher"
+TWO_HANDS, PARTS, SOR3D, TEACHER, BODIES = "twohands", "parts", "sor3d", "grasp-teacher", "grasp-bodies"
 CARD, RECORD, FORMAT = "card.md", "made.json", "afford-weights-1"
 MEASURED = ("<!-- measured: written by benchmarks/shipped/score.py -->", "<!-- end of measured -->")
 """marks of the part of a card that a benchmark writes, and which its digest therefore leaves out"""

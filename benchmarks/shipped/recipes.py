@@ -9,7 +9,7 @@ from typing import Any
 
 from commands.settings import settings
 from commands.weights import resolve_weights
-from maps import grasping, rgbd, surface, twohands
+from maps import bodies, grasping, rgbd, surface, twohands
 from maps.common import shipped
 from maps.grasping import STUDENT, TEACHER
 from maps.settings import Origin, Settings
@@ -83,6 +83,11 @@ def teacher(g: Graph, p: Settings, origin: Origin) -> Any:
     return g.pick(grasping.train_teacher(g, grasping.setup(g, p), TEACHER, 0, p), lambda t: t.files)
 
 
+def body_teacher(g: Graph, p: Settings, origin: Origin) -> Any:
+    """Train the shipped teacher further on household bodies."""
+    return bodies.refine_teacher(g, *grasping.usual_teacher(g, p), p)
+
+
 def student(g: Graph, p: Settings, origin: Origin) -> Any:
     """Train the student from the shipped teacher, or from a new one where none is shipped."""
     made, ready = grasping.setup(g, p), shipped(g, p, "rl_grasp_refinement")
@@ -140,6 +145,10 @@ RECIPES = {
     "grasp-teacher": Recipe(
         "Grasping teacher", teacher, "grasps of tools that keep off negative parts, from the state of a simulator.", PHYSICS,
         SIMULATED),
+    "grasp-bodies": Recipe(
+        "Grasping teacher of bodies", body_teacher,
+        "grasps of meshes of any kind, begun over places of grasp families (`run grasp --source`, `run grasp-adapt`). It is the "
+        "shipped teacher of tools, trained further on household bodies.", PHYSICS, SIMULATED, begins="grasp-play"),
     "grasp-student": Recipe(
         "Grasping student", student,
         "the same grasps from depth images and proprioception. It learned from the shipped teacher.", PHYSICS, SIMULATED,

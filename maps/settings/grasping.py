@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from stages.grasping import (
     body_adapt,
     body_evaluate,
+    body_refinement,
     body_report,
     body_tasks,
     clip_proof,
@@ -72,6 +73,7 @@ class Grasping:
     grasp_judge: grasp_judge.Params = grasp_judge.Params()
     body_tasks: body_tasks.Params = body_tasks.Params()
     body_adapt: body_adapt.Params = body_adapt.Params()
+    body_refinement: body_refinement.Params = body_refinement.Params()
     body_evaluate: body_evaluate.Params = body_evaluate.Params()
     body_report: body_report.Params = body_report.Params()
     household_tasks: household_tasks.Params = household_tasks.Params()

@@ -28,7 +28,9 @@ class Params:
     categories: tuple[str, ...] = ()
     """categories to build; empty for all"""
     per_category: int = 2
-    """bodies of each category"""
+    """bodies of each category of the splits seen and unseen"""
+    train_per_category: int = 4
+    """bodies of each category of the split train"""
     seed: int = 20270
     """seed of all bodies; each draws its own from it"""
 
@@ -44,7 +46,8 @@ def run(params: Params) -> tuple[ObjectSpec, ...]:
     chosen = params.categories or CATEGORIES
     known = tuple(one for one in chosen if one not in HELD_OUT)
     rows = {"train": known, "seen": known, "unseen": tuple(one for one in chosen if one in HELD_OUT)}
-    specs = tuple(one for split in params.splits for one in object_specs(split, rows[split], params.per_category, params.seed, 1))
+    specs = tuple(one for split in params.splits for one in object_specs(
+        split, rows[split], params.train_per_category if split == "train" else params.per_category, params.seed, 1))
     if not specs:
         raise ValueError(f"household_plan: expected per_category of 1 or more and a category of the splits, got {params}")
     return specs

@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 from afford.grasping.env.carry import carried
 from afford.grasping.env.config import GraspEnvConfig
 from afford.grasping.env.families import GraspPlace
+from afford.grasping.env.flight_recorder import FlightRecorder
 from afford.grasping.env.grasp_worlds import GraspWorlds
 from afford.grasping.env.let_go import released
 from afford.grasping.env.rest_choice import places_of
@@ -38,10 +39,11 @@ surface of an upright body"""
 class PlacedWorlds(GraspWorlds):
     """n worlds whose hands begin over the best place of their tasks."""
 
-    def __init__(self, hand: HandModel, tasks: Sequence[GraspTask], config: GraspEnvConfig, carry: bool = True) -> None:
+    def __init__(self, hand: HandModel, tasks: Sequence[GraspTask], config: GraspEnvConfig, carry: bool = True,
+                 recorder: FlightRecorder | None = None) -> None:  # fmt: skip
         """Build the worlds; `carry` raised objects to their goals. ValueError for a task without a place."""
         self.places, self.given, self.carry = [best_place(one) for one in tasks], tuple(tasks), carry
-        super().__init__(hand, [from_grasp_task(one) for one in tasks], config)
+        super().__init__(hand, [from_grasp_task(one) for one in tasks], config, recorder)
 
     def step(self, action: np.ndarray, rngs: Sequence[np.random.Generator]) -> StepResult:
         """Apply actions (n, m), or the carry instead of their first three numbers where an object is raised."""

@@ -107,23 +107,35 @@ def train_teacher(hand: HandModel, tasks: Sequence[Task], prior: FrozenPrior | N
     arrays = arrays_of(config.engine, config.device)
     envs = AffordanceGraspVector(plan.worlds, hand, tasks, recorder, arrays, **vars(config))
     try:
-        model = new_teacher(plan, envs.core.width, envs.core.motors).to(device_of(device))
-        if prior is not None:
-            prior.model.to(model.device)
-        optimizer = ppo.make_optimizer(model, plan.ppo.lr)
-        state = resume(folder, model, optimizer, device)
-        events = EventWriter(folder / "tensorboard", state.points)
-        while state.step < plan.ppo.updates:
-            seed = derive_seed(plan.seed, state.step, 1)  # of world 0; the other worlds follow it
-            recorder.begin(state.step)
-            adapter = PPOEnvAdapter(envs, seed, SCALE) if prior is None else ResidualEnv(envs, prior, seed)
-            _train_section(adapter, model, plan, optimizer, state, progress, recorder)
-            events.append(state.points)
-            state.save(folder, model, optimizer)
+        model = new_teacher(plan, envs.core.width, envs.core.motors)
+        return model, train_sections(envs, model, prior, plan, recorder, folder, progress, device)
     finally:
         envs.close()
+
+
+def train_sections(envs: VectorEnv, model: ActorCritic, prior: FrozenPrior | None, plan: TeacherTrainingConfig,
+                   recorder: FlightRecorder, folder: Path, progress: Callable[[int, int], None],
+                   device: str = "cpu") -> TrainingState:  # fmt: skip
+    """Train a network in environments, section by section, from the last checkpoint of the folder; its curves.
+
+    The network is on the CPU afterwards, and evaluates.
+    """
+    model.to(device_of(device))
+    if prior is not None:
+        prior.model.to(model.device)
+    optimizer = ppo.make_optimizer(model, plan.ppo.lr)
+    state = resume(folder, model, optimizer, device)
+    events = EventWriter(folder / "tensorboard", state.points)
+    while state.step < plan.ppo.updates:
+        seed = derive_seed(plan.seed, state.step, 1)  # of world 0; the other worlds follow it
+        recorder.begin(state.step)
+        adapter = PPOEnvAdapter(envs, seed, SCALE) if prior is None else ResidualEnv(envs, prior, seed)
+        _train_section(adapter, model, plan, optimizer, state, progress, recorder)
+        events.append(state.points)
+        state.save(folder, model, optimizer)
     state.best_step = state.step
-    return model.cpu().eval(), state
+    model.cpu().eval()
+    return state
 
 
 def new_teacher(plan: TeacherTrainingConfig, observation: int, action: int) -> ActorCritic:
