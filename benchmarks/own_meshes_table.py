@@ -19,7 +19,7 @@ from benchmarks.pages import ROOT, into
 PAGE = ROOT / "docs" / "grasping" / "own-meshes.md"
 SCRIPT = "own_meshes_table.py"
 ENGINES = {"bullet": "PyBullet", "mujoco": "MuJoCo"}
-POLICIES = {"teacher": "as it is", "adapted": "adapted"}
+POLICIES = {"teacher": "of flat tools", "bodies": "as it is", "adapted": "adapted"}
 HEAD = "| object | policy | engine |"
 
 

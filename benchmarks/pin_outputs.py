@@ -91,8 +91,10 @@ SCHOOL: Changes = {
     "grasp_record.supersample": 1}  # fmt: skip
 HOUSEHOLD: Changes = {
     **{name: value for name, value in SCHOOL.items() if not name.startswith(("grasp_two_tasks", "grasp_evaluate"))},
-    "household_plan.categories": "can,tube", "household_plan.per_category": 1, "household_build.edge_m": 0.02,
-    "household_tasks.uses": 1, "household_tasks.hulls": 4, "household_tasks.points": 256,
+    "household_plan.categories": "can,tube", "household_plan.per_category": 1,
+    "household_plan.train_per_category": 1, "household_build.edge_m": 0.02,
+    "household_tasks.uses": 1, "household_tasks.hulls": 4, "household_tasks.points": 256, "body_refinement.updates": 2,
+    "body_refinement.family_worlds": 0, "body_refinement.iterations": 20,
     "body_evaluate.episodes": 1, "body_evaluate.iterations": 20,
     "household_shown.shown": 1}  # fmt: skip
 PRIOR = ("object_plan", "object_solids", "grasp_tasks", "grasp_targets", "hand_imitation")

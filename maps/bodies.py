@@ -72,9 +72,9 @@ def household_bodies(g: Graph, hand: HandModel, p: Settings, prefix: str = "") -
 
 
 def refine_teacher(g: Graph, hand: HandModel, teacher: FileTree, p: Settings) -> FileTree:
-    """Train a teacher further on household bodies, whose held-out categories and seen shapes it does not meet."""
+    """Train a teacher further on household bodies of the split train, which has no held-out category."""
     uses = min(LESSON_USES, p.grasping.household_tasks.uses)
-    lessons = p.with_stages(household_plan=replace(p.synthetic.household_plan, splits=("train",), categories=()),
+    lessons = p.with_stages(household_plan=replace(p.synthetic.household_plan, splits=("train",)),
                             household_tasks=replace(p.grasping.household_tasks, uses=uses))  # fmt: skip
     tasks = household_bodies(g, hand, lessons, "lesson_").tasks
     made = g.add(body_refinement.run, hand=hand, tasks=g.collect(tasks), policy=teacher, params=p.grasping.body_refinement,

@@ -164,11 +164,11 @@ def test_a_body_without_tasks_keeps_the_policy(tmp_path: Path, policy: FileTree)
 
 
 def test_rows_before_are_those_of_grasp(tmp_path: Path) -> None:
-    """Both targets evaluate the shipped teacher by the same stages, parameters and inputs; a mesh file is a source too."""
+    """Both targets evaluate the policy of bodies by the same stages, parameters and inputs; a mesh file is a source too."""
     write_obj(tmp_path / "stick.obj", stick().vertices, stick().faces)
     graphs = {target: build(target, origin(target, tmp_path / "stick.obj", Settings(), file_digest)[0], Settings())
               for target in ("grasp", "grasp-adapt")}  # fmt: skip
-    for name in ("teacher_bullet", "teacher_mujoco"):
+    for name in ("bodies_bullet", "bodies_mujoco"):
         assert described(graphs["grasp"], name) == described(graphs["grasp-adapt"], name)
     names = {node.name for node in graphs["grasp-adapt"].stages()}
     assert {"body_adapt", "adapted_bullet", "adapted_mujoco"} <= names

@@ -168,7 +168,7 @@ def test_the_graph_with_and_without_a_source(tmp_path: Path) -> None:
     graph = build("grasp", place._replace(name="mine"), Settings.of()) if found else None
     assert graph is not None and [one.name for one in place.meshes] == ["stick"]
     names = {node.name for node in graph.stages()}
-    assert {"mesh_read", "part_segment", "body_tasks", "teacher_bullet", "teacher_mujoco", "body_report"} <= names
+    assert {"mesh_read", "part_segment", "body_tasks", "bodies_bullet", "bodies_mujoco", "body_report"} <= names
     usual = {node.name for node in build("grasp", origin("grasp", None, Settings(), file_digest)[0], Settings()).stages()}
     assert not {"mesh_read", "body_tasks"} & usual and {"teacher_0", "no_negative_0"} <= usual
     with pytest.raises(UsageError, match="got nothing"):

@@ -24,7 +24,7 @@ from pipeline import build
 from schemas.bodies import BodyTasks
 from schemas.files import FileTree
 from schemas.mesh import MeshParts, ObjectMesh
-from stages.grasping import household_tasks
+from stages.grasping import body_report, household_tasks
 from stages.synthetic import household_build, household_plan
 from tests.helpers.made_hands import shadow
 from tests.helpers.made_traces import episodes, hammer
@@ -143,8 +143,19 @@ def test_report_and_films_by_family(tmp_path: Path) -> None:
 
 def test_graph_trains_nothing_where_a_teacher_is_shipped() -> None:
     """Bodies, both engines, films of each, and a report."""
-    chosen = replace(Settings(), weights=(("shipped_rl_grasp_refinement", FileTree("t", ())),))
+    chosen = replace(Settings(), weights=(("shipped_body_refinement", FileTree("t", ())),))
     graph = build("grasp-household", Origin("x"), chosen)
     names = {node.name for node in graph.stages()}
-    assert {"household_tasks", "teacher_bullet", "teacher_mujoco", "household_report", "grasp_record_mujoco"} <= names
-    assert not {"hand_imitation", "teacher_0"} & names
+    assert {"household_tasks", "bodies_bullet", "bodies_mujoco", "household_report", "grasp_record_mujoco"} <= names
+    assert not {"hand_imitation", "teacher_0", "body_refinement"} & names
+
+
+def test_graph_of_both_policies() -> None:
+    """Rows of the teacher of flat tools and of bodies; without a shipped one, that of bodies is trained from the teacher."""
+    both = Settings().with_stages(body_report=body_report.Params(policies=("teacher", "bodies")))
+    chosen = replace(both, weights=(("shipped_rl_grasp_refinement", FileTree("t", ())),))
+    names = {node.name for node in build("grasp-household", Origin("x"), chosen).stages()}
+    rows = {f"{policy}_{engine}" for policy in ("teacher", "bodies") for engine in ("bullet", "mujoco")}
+    assert rows | {"body_refinement", "lesson_household_tasks"} <= names and "teacher_0" not in names
+    with pytest.raises(ValueError, match="expected some of teacher, bodies, got nobody"):
+        build("grasp-household", Origin("x"), chosen.with_stages(body_report=body_report.Params(policies=("nobody",))))

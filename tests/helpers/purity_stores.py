@@ -248,7 +248,7 @@ def grasped_meshes(store: Path, folder: Path) -> None:
     p = SCHOOL.with_stages(
         body_evaluate=replace(SCHOOL.grasping.body_evaluate, episodes=1, at_once=1, iterations=20),
         body_adapt=replace(SCHOOL.grasping.body_adapt, worlds=2, bullet=0, generations=1, rounds=1, updates=2, iterations=20),
-        body_report=replace(SCHOOL.grasping.body_report, engines=("mujoco",)),
+        body_report=replace(SCHOOL.grasping.body_report, engines=("mujoco",), policies=("teacher",)),
         mesh_texture=replace(SCHOOL.surface.mesh_texture, procedural=replace(SCHOOL.surface.mesh_texture.procedural, side_px=64)))
     at = folder / "stick"
     at.mkdir()
@@ -261,7 +261,8 @@ def household(store: Path, folder: Path) -> None:
     p = SCHOOL.with_stages(
         body_evaluate=replace(SCHOOL.grasping.body_evaluate, episodes=1, at_once=1, iterations=20),
         body_report=replace(SCHOOL.grasping.body_report, engines=("mujoco",)),
-        household_plan=replace(SCHOOL.synthetic.household_plan, categories=("can",), per_category=1),
+        household_plan=replace(SCHOOL.synthetic.household_plan, categories=("can",), per_category=1, train_per_category=1),
+        body_refinement=replace(SCHOOL.grasping.body_refinement, updates=1, epochs=1, iterations=20, family_worlds=0),
         household_build=replace(SCHOOL.synthetic.household_build, edge_m=0.02),
         household_tasks=replace(SCHOOL.grasping.household_tasks, uses=1, poses=("upright",), points=300, hulls=4),
         household_shown=replace(SCHOOL.grasping.household_shown, shown=1))  # fmt: skip
@@ -384,6 +385,7 @@ MAKERS: dict[Maker, tuple[str, ...]] = {
              "grasp_evaluate", "grasp_report", "imitation_evaluate", "grasp_two_tasks", "policy_record",
              "recordings_read", "human_motion", "clip_proof", "prior_report",
              "part_segment", "body_tasks", "body_list", "body_evaluate", "body_episodes", "body_report", "body_adapt",
+             "body_refinement",
              "household_plan", "household_build", "household_tasks", "household_shown", "household_report"),
     judged: ("grasp_judge",),
     grasps: ("grasp_record",),

@@ -56,6 +56,7 @@ EXCEPTIONS: dict[str, str] = {
     "part_segment": "its parts are those of the hulls that grasp_record shows",
     "body_tasks": "its bodies are /grasp_evaluate/scene of grasp_record; refusals are in body_report, which is recorded",
     "body_adapt": "its episodes before and after are in body_report, which is recorded, and those after in grasp_record",
+    "body_refinement": "its curves are tensorboard/ of its files; its episodes are those of grasp_record",
     "household_build": "its mesh is that of the hulls that grasp_record shows",
     "household_tasks": "its bodies are /grasp_evaluate/scene of grasp_record; refusals are in household_report, which is recorded",
     "body_evaluate": "its episodes, joined by body_episodes, are those of grasp_record",
