@@ -18,18 +18,21 @@ from pathlib import Path
 from typing import Any
 
 from afford.common.files import tree
+from afford.common.statistics import wilson_interval
 from afford.models.shipped import CARD, FOLDER, MEASURED, TWO_HANDS, shipped_files
 from afford.twohands.demo.examples import EXAMPLES, examples
 from benchmarks.shipped.recipes import RECIPES
 from commands.progress import observer
 from commands.session import digester, open_runner
-from maps import grasping, rgbd, surface, twohands
+from commands.settings import settings
+from maps import bodies, grasping, rgbd, surface, twohands
+from maps.household import TRACES
 from maps.settings import Origin, Settings
 from maps.synthetic import stills_to_measure
 from runner import Graph, Runner
 from schemas.files import FileTree
 from schemas.grasp import LEVELS
-from stages.grasping import grasp_report
+from stages.grasping import grasp_report, household_report
 from stages.rgbd import sor3d_evaluate, sor3d_report
 from stages.twohands import baseline_cases, benchmark, score_cases
 
@@ -40,6 +43,10 @@ GROUPS = (("", "crops"), ("known.", "crops, known kinds"), ("new.", "crops, kind
 METHODS = (("small", "model"), ("small_text_shuffled", "model, another task's words"), ("centre", "Gaussian in the middle"))
 MEASURES = (("iou", "IoU"), ("first_mode_iou", "first-mode IoU"), ("precision", "precision"), ("taxonomy_accuracy", "taxonomy"),
             ("ece", "ECE"))  # fmt: skip
+
+HOUSEHOLD = ("household_plan.seed=20271", "household_plan.per_category=1", "household_tasks.uses=2", "body_evaluate.episodes=1")
+"""bodies of docs/grasping/household.md, on which the recipe was not chosen"""
+KNOWN = "other shapes of the categories of the training"
 
 
 def run(runner: Runner, stage: str, build: Callable[[Graph], FileTree]) -> Figures:
@@ -146,9 +153,32 @@ def score_policy(name: str) -> Callable[[Runner, FileTree, argparse.Namespace], 
     return score
 
 
+def score_bodies(runner: Runner, model: FileTree, args: argparse.Namespace) -> list[Row]:
+    """Table of a policy on new household bodies, held-out categories apart, in both engines; as in docs/grasping/household.md."""
+    def build(g: Graph) -> FileTree:
+        p = settings(HOUSEHOLD, None)
+        p = p.with_stages(body_evaluate=replace(p.grasping.body_evaluate, traces=TRACES))
+        hand = grasping.robot_hand(g, p)
+        made = bodies.household_bodies(g, hand, p)
+        episodes = bodies.evaluate_bodies(g, hand, made, {grasping.BODIES: g.leaf("policy", model)}, p)
+        return g.add(household_report.run, bodies=g.collect(made.made), episodes=tuple(episodes), ctx=g.ctx,
+                     params=household_report.Params())  # fmt: skip
+
+    found = run(runner, "household_report", build)
+    rows: list[Row] = [("categories", "engine", "Succ", "AS %, successes", "episodes")]
+    for group in ("others", "held out"):
+        for engine in Settings().grasping.body_report.engines:
+            prefix = f"{grasping.BODIES}.{engine}.all.{group}."
+            of = {name: found[f"{prefix}{name}"] for name in ("succ", "as_violation_pct", "episodes")}
+            low, high = wilson_interval(round(of["succ"] * of["episodes"]), round(of["episodes"]))
+            rows.append((KNOWN if group == "others" else group, engine, f"{of['succ']:.3f} [{low:.3f}, {high:.3f}]",
+                         f"{of['as_violation_pct']:.1f}", f"{of['episodes']:.0f}"))
+    return rows
+
+
 SCORES: dict[str, Callable[[Runner, FileTree, argparse.Namespace], list[Row]]] = {
     "twohands": score_two_hands, "parts": score_parts, "sor3d": score_sor3d, "grasp-prior": score_policy("prior"),
-    "grasp-teacher": score_policy("teacher"), "grasp-student": score_policy("student")}
+    "grasp-teacher": score_policy("teacher"), "grasp-bodies": score_bodies, "grasp-student": score_policy("student")}
 
 
 def into(card: Path, rows: list[Row]) -> None:

@@ -30,8 +30,8 @@ class Params:
     engines: tuple[str, ...] = ("bullet", "mujoco")
     """engines in which policies are evaluated"""
     policies: tuple[str, ...] = ("bodies",)
-    """policies that are evaluated: teacher, of flat tools, and bodies, trained further on household bodies; films and adaptation are
-    of the last one"""
+    """policies that are evaluated: teacher, of flat tools, and bodies, trained further on household bodies; films and adaptation
+    are of the last one"""
 
 
 def run(meshes: tuple[FileTree, ...], bodies: tuple[BodyTasks, ...], episodes: tuple[GraspEpisodes, ...],

@@ -70,7 +70,7 @@ def test_worlds_differ_in_body_pose_place_or_n_t() -> None:
 
 
 def test_every_second_hand_begins_off_its_place(policy: FileTree) -> None:
-    """By the standard deviations; the others begin exactly over theirs."""
+    """Places and yaws have the standard deviations asked for; the other hands begin exactly over theirs."""
     config = load_policy(policy, {}).config("mujoco", Physics(iterations=10, rate_hz=240), "flat", 0.0)
     exact, loose = (kind(shadow(), [TASKS[0]] * 2, config) for kind in (PlacedWorlds, LooselyPlacedWorlds))
     loose.off_m, loose.off_rad = 0.01, 0.2
@@ -89,7 +89,7 @@ def test_every_second_hand_begins_off_its_place(policy: FileTree) -> None:
         loose.close()
 
 
-def test_what_cannot_be_refined_is_refused(tmp_path: Path, policy: FileTree) -> None:
+def test_refinement_refuses_other_inputs(tmp_path: Path, policy: FileTree) -> None:
     """No task, numbers out of range, or a policy over the script: one sentence."""
     for tasks, params, word in (((), TINY, "0 tasks"), ((TASKS,), replace(TINY, updates=0), "updates of 1"),
                                 ((TASKS,), replace(TINY, off_m=-1.0), "off_m")):  # fmt: skip

@@ -157,5 +157,5 @@ def test_graph_of_both_policies() -> None:
     names = {node.name for node in build("grasp-household", Origin("x"), chosen).stages()}
     rows = {f"{policy}_{engine}" for policy in ("teacher", "bodies") for engine in ("bullet", "mujoco")}
     assert rows | {"body_refinement", "lesson_household_tasks"} <= names and "teacher_0" not in names
-    with pytest.raises(ValueError, match="expected some of teacher, bodies, got nobody"):
-        build("grasp-household", Origin("x"), chosen.with_stages(body_report=body_report.Params(policies=("nobody",))))
+    with pytest.raises(ValueError, match="expected some of teacher, bodies, got bodeis"):
+        build("grasp-household", Origin("x"), chosen.with_stages(body_report=body_report.Params(policies=("bodeis",))))

@@ -41,7 +41,7 @@ class Cell(NamedTuple):
 
     succ: float
     held: float
-    as_pct: float
+    as_violation_pct: float
     """over successes of tasks with N_t; NaN without any"""
     episodes: int
 
@@ -59,7 +59,7 @@ def write_report(bodies: Sequence[BodyTasks], runs: Sequence[GraspEpisodes], hel
     for title, of in GROUPS.items():
         rows = list(_rows(posed, runs, of))
         figures |= {f"{run.policy}.{run.engine}.{title}.{name}.{figure}": value for name, run, _, cell in rows
-                    for figure, value in zip(("succ", "held"), cell[:2], strict=True)}  # fmt: skip
+                    for figure, value in cell._asdict().items() if np.isfinite(value)}  # fmt: skip
         pages += _table(title, rows)
     write_json(root / "metrics.json", figures)
     pages += [*_categories(posed, runs), *(["", "## Refused", "", *(f"- {line}" for line in refused)] if refused else [])]
@@ -103,7 +103,7 @@ def _table(title: str, rows: Sequence[tuple[str, GraspEpisodes, list[Posed], Cel
     yield "|---|---|--:|--:|--:|--:|--:|--:|--:|--:|"
     for name, run, mine, cell in rows:
         low, high = wilson_interval(round(cell.succ * cell.episodes), cell.episodes)
-        AS = f"{cell.as_pct:.1f}" if np.isfinite(cell.as_pct) else "-"
+        AS = f"{cell.as_violation_pct:.1f}" if np.isfinite(cell.as_violation_pct) else "-"
         yield (f"| {name} | {run.policy}, {run.engine} | {len({one.task.body.name for one in mine})} | {len(mine)} | "
                f"{100 * cell.succ:.1f} | {100 * low:.1f} | {100 * high:.1f} | {100 * cell.held:.1f} | {AS} | {cell.episodes} |")
     yield ""
