@@ -22,6 +22,8 @@ from tests.helpers.tiny_source import VIDEOS, media
 
 REPORT = {"report": "reports/{source}"}
 FILMS = {"films": "recordings/{source}/grasps", "prior": "models/{source}-prior", "teacher": "models/{source}-teacher"}
+REFINED = {"refined": "models/{source}-bodies"}
+"""policy for bodies, which is trained where none is shipped"""
 STATIC = ("static_sor3d", "static_boxes", "static_true_boxes")
 GRASPING = ("motion_synthesise", "hand_imitation", "rl_grasp_refinement")
 RECORDED: dict[str, tuple[str, ...]] = {
@@ -43,9 +45,10 @@ PLACES: dict[str, dict[str, str]] = {
     "motions": {"report": "motions/{source}"}, "grasp": {**REPORT, **FILMS},
     "grasp-full": {**REPORT, **FILMS, "student": "models/{source}-student"},
     "grasp-play": {"films": "recordings/{source}/grasps"},
-    "grasp-adapt": {**REPORT, "adapted": "models/{source}/{clip}",
+    "grasp-adapt": {**REPORT, **REFINED, "adapted": "models/{source}/{clip}",
                     **{f"films_{number}": f"recordings/{{source}}/grasps-{number}" for number in (0, 1)}},
-    "grasp-household": {**REPORT, "films_bullet": "recordings/{source}/{clip}", "films_mujoco": "recordings/{source}/{clip}"},
+    "grasp-household": {**REPORT, **REFINED, "films_bullet": "recordings/{source}/{clip}",
+                        "films_mujoco": "recordings/{source}/{clip}"},
     "grasp-prior": {**REPORT, "prior": "models/{source}-prior"},
     "interactions": {},
     "sor3d": {**REPORT, "model": "models/{source}", "films": "recordings/{source}/interactions"}, "sor3d-ablation": REPORT,
