@@ -20,8 +20,8 @@ HEAD = """# Grasps of your meshes
 
 Succ: share of episodes in which the object came within 5 cm of its goal, 20 cm above its place. Held: at the last step. AS:
 fingertips within 2 cm of a negative point at the last step, over successes. Negative parts are predicted, not known, so AS is
-judged by the prediction; only tasks with N_t have one, and means of AS are over the objects that have such a success. The shipped
-policy was trained on flat tools. It begins over the place of the grasp family and is free from there on; once it has gripped and
+judged by the prediction; only tasks with N_t have one, and means of AS are over the objects that have such a success. The policy
+`bodies` was trained on household bodies, `teacher` on flat tools alone, neither on these. It begins over the place of the grasp family and is free from there on; once it has gripped and
 raised the object, the wrist carries it to its goal, and spare fingers let go of N_t (body_evaluate.carry). Objects whose use is
 `geometry alone` have no part with a place for a hand: they are held wherever their shape allows, without N_t.
 """
