@@ -21,10 +21,10 @@ HEAD = """# Grasps of your meshes
 Succ: share of episodes in which the object came within 5 cm of its goal, 20 cm above its place. Held: at the last step. AS:
 fingertips within 2 cm of a negative point at the last step, over successes. Negative parts are predicted, not known, so AS is
 judged by the prediction; only tasks with N_t have one, and means of AS are over the objects that have such a success. The policy
-`bodies` was trained on household bodies, `teacher` on flat tools alone, neither on these. The hand begins over the place of the grasp
-family, and the policy is free from there on; once it has gripped and raised the object, the wrist carries it to its goal, and spare
-fingers let go of N_t (body_evaluate.carry). Objects whose use is `geometry alone` have no part with a place for a hand: they are held
-wherever their shape allows, without N_t.
+`bodies` was trained on household bodies, `teacher` on flat tools alone, neither on these. The hand begins over the place of the
+grasp family, and the policy is free from there on; once it has gripped and raised the object, the wrist carries it to its goal, and
+spare fingers let go of N_t (body_evaluate.carry). Objects whose use is `geometry alone` have no part with a place for a hand: they
+are held wherever their shape allows, without N_t.
 """
 ADAPTED = """Scripted grasps that lift the object, found in both engines, were cloned for the tasks in which they are better than
 the shipped policy, which acts in all others. Figures are of these tasks, or of all where no script was better, on episodes of
