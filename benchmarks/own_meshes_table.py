@@ -2,8 +2,8 @@
 
     python pipeline.py run grasp-adapt --source ../shared/data/objects
     PYTHONPATH=. python benchmarks/own_meshes_table.py [--store DIR]
-    python pipeline.py run grasp --source ../shared/data/motion/dexycb_meshes
-    PYTHONPATH=. python benchmarks/own_meshes_table.py [--store DIR] --report dexycb_meshes --block "simplified scans"
+    python pipeline.py run grasp-adapt --source ../shared/data/motion/dexycb_meshes --set body_evaluate.episodes=10
+    PYTHONPATH=. python benchmarks/own_meshes_table.py [--store DIR] --report dexycb_meshes-adapted --block "simplified scans"
 
 The rows are those of the report of the run, and what its adaptation kept. A run of some scans (--clip) has a report of its own.
 """
