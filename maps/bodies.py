@@ -102,6 +102,11 @@ def evaluate_bodies(g: Graph, hand: HandModel, bodies: Bodies, policies: Mapping
     return out
 
 
+def of_last_policy(episodes: list[GraspEpisodes], p: Settings) -> list[GraspEpisodes]:
+    """Select the episodes of the last policy, one for each engine, of those of evaluate_bodies."""
+    return episodes[-len(p.grasping.body_report.engines) :]
+
+
 def report_bodies(g: Graph, target: str, hand: HandModel, bodies: Bodies, episodes: list[GraspEpisodes], p: Settings,
                   before: list[GraspEpisodes] | None = None, adapted: tuple[TrainingLog, ...] | None = None) -> None:  # fmt: skip
     """Report the episodes of all bodies, film and record them, and set the target.
@@ -115,7 +120,7 @@ def report_bodies(g: Graph, target: str, hand: HandModel, bodies: Bodies, episod
     tasks = g.collect(bodies.tasks)
     films = [g.named(f"grasp_record_{number}").add(grasp_record.run, hand=hand, tasks=tasks, episodes=one,
                                                    params=p.grasping.grasp_record, ctx=g.ctx)
-             for number, one in enumerate(episodes[-len(p.grasping.body_report.engines) :])]  # fmt: skip
+             for number, one in enumerate(of_last_policy(episodes, p))]  # fmt: skip
     for number, film in enumerate(films):
         g.publish(film, f"recordings/{{source}}/grasps-{number}", as_=f"films_{number}")
     g.target(target, reported(g, page), record_run(g, "body_report", page), *films)

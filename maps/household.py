@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from maps.bodies import evaluate_bodies, household_bodies
+from maps.bodies import evaluate_bodies, household_bodies, of_last_policy
 from maps.common import record_run, reported
 from maps.grasping import body_policies
 from maps.settings import Origin, Settings
@@ -26,7 +26,7 @@ def grasp_household(g: Graph, origin: Origin, p: Settings) -> None:
     page = g.add(household_report.run, bodies=made, episodes=g.finished("household_runs", episodes),
                  params=household_report.Params(), ctx=g.ctx)  # fmt: skip
     films = list[object]()
-    for engine, one in zip(p.grasping.body_report.engines, episodes[-len(p.grasping.body_report.engines) :], strict=True):
+    for engine, one in zip(p.grasping.body_report.engines, of_last_policy(episodes, p), strict=True):
         shown = g.each(g.named(f"shown_{engine}").add(household_shown.run, bodies=made, episodes=one,
                                                       params=p.grasping.household_shown))  # fmt: skip
         film = g.named(f"grasp_record_{engine}").add(grasp_record.run, hand=hand, tasks=tasks, episodes=shown,

@@ -169,7 +169,7 @@ def score_bodies(runner: Runner, model: FileTree, args: argparse.Namespace) -> l
     for group in ("others", "held out"):
         for engine in Settings().grasping.body_report.engines:
             prefix = f"{grasping.BODIES}.{engine}.all.{group}."
-            of = {name: found[f"{prefix}{name}"] for name in ("succ", "as_violation_pct", "episodes")}
+            of = {name: found.get(f"{prefix}{name}", float("nan")) for name in ("succ", "as_violation_pct", "episodes")}
             low, high = wilson_interval(round(of["succ"] * of["episodes"]), round(of["episodes"]))
             rows.append((KNOWN if group == "others" else group, engine, f"{of['succ']:.3f} [{low:.3f}, {high:.3f}]",
                          f"{of['as_violation_pct']:.1f}", f"{of['episodes']:.0f}"))

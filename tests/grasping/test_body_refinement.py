@@ -7,10 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
+from afford.common.files import tree
 from afford.grasping.env.placed_worlds import PlacedWorlds
-from afford.grasping.policies.load_policy import load_policy
+from afford.grasping.policies.load_policy import load_policy, prior_columns
 from afford.grasping.policies.refine_on_bodies import LooselyPlacedWorlds, worlds_of
+from afford.grasping.rl.policy_files import write_policy
+from afford.grasping.rl.ppo import ActorCritic, PolicyConfig
 from afford.grasping.sim.scene import Physics
 from schemas.files import FileTree
 from schemas.training import Trained
@@ -52,6 +56,20 @@ def test_a_killed_refinement_resumes_to_the_same_files(tmp_path: Path, policy: F
     assert after.facts["steps"] == 3 and after.facts["base"] == "none"
 
 
+def test_the_prior_stays_as_it_was(tmp_path: Path) -> None:
+    """The residual learns; the file of the frozen prior has the same bytes."""
+    folder = tmp_path / "policy"
+    teacher(folder, base="prior", posture=(0.0,) * 24, steps=3)
+    torch.manual_seed(1)
+    prior = ActorCritic(PolicyConfig(len(prior_columns("small", "teacher")), 24, (8,)))
+    write_policy(folder / "prior", prior, {"role": "prior", "layout": "small"})
+    files = tree("teacher", folder)
+    before, after = ({file.name: file.path.read_bytes() for file in one.files}
+                     for one in (files, refined(tmp_path / "run", files, updates=2).files))  # fmt: skip
+    assert after["prior/policy.safetensors"] == before["prior/policy.safetensors"]
+    assert after["policy.safetensors"] != before["policy.safetensors"]
+
+
 def test_a_refined_policy_is_evaluated_as_the_teacher_is(tmp_path: Path, policy: FileTree) -> None:
     """Its files are those of a teacher."""
     files = refined(tmp_path / "run", policy, updates=1).files
@@ -62,11 +80,11 @@ def test_a_refined_policy_is_evaluated_as_the_teacher_is(tmp_path: Path, policy:
 
 def test_worlds_differ_in_body_pose_place_or_n_t() -> None:
     """Uses of one place are one world, unless only one of them has N_t; tasks of a rare family have several worlds."""
-    first = TASKS[0]
-    same, free = replace(first, name=f"{first.name}/again"), replace(first, N_t=np.zeros((0, 3)), negative=())
-    tasks = [first, replace(same, name=first.name), free]
-    assert [one.name for one in worlds_of(tasks, 0)] == [first.name] * (2 if len(first.N_t) else 1)
-    assert len(worlds_of([first], 5)) == 5
+    first = next(one for one in TASKS if len(one.N_t))
+    cut, wash, upright = (replace(first, name=f"stick/{name}") for name in ("flat/cut", "flat/wash", "upright/cut"))
+    free = replace(cut, name="stick/flat/carry", N_t=np.zeros((0, 3)), negative=())
+    assert [one.name for one in worlds_of([cut, wash, upright, free], 0)] == [cut.name, upright.name, free.name]
+    assert [one.name for one in worlds_of([cut, wash], 5)] == [cut.name] * 5
 
 
 def test_every_second_hand_begins_off_its_place(policy: FileTree) -> None:
