@@ -1,4 +1,4 @@
-"""Write the tables of docs/grasping/household.md: the categories, and the report of a run of `grasp-household`.
+"""Write the tables and the picture of docs/grasping/household.md: the categories, and the report of a run of `grasp-household`.
 
     PYTHONPATH=. python benchmarks/household_table.py [--store DIR]      # after `run grasp-household --store DIR`
 
@@ -15,10 +15,12 @@ from afford.grasping.sim.walls import WALLS
 from afford.surface.describe.household import PARTS_OF, uses_of
 from afford.surface.describe.looks import PARTS
 from afford.synthetic.objects.household_bodies import CATEGORIES, HELD_OUT, STANDING
-from benchmarks.pages import ROOT, into
+from benchmarks.pages import ROOT, into, stack_sheets
 
 PAGE = ROOT / "docs" / "grasping" / "household.md"
 SCRIPT = "household_table.py"
+SHOWN = ("handle", "pinch", "body", "rim", "hook")
+"""families of the picture, from top to bottom"""
 
 
 def categories() -> Iterator[str]:
@@ -42,13 +44,15 @@ def results(report: str) -> Iterator[str]:
 
 
 def main() -> None:
-    """Write both blocks; the second one where the run has a report."""
+    """Write both blocks; the second one, and the picture, where the run has a report."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     parser.add_argument("--store", type=Path, default=ROOT / "artifacts")
-    report = parser.parse_args().store / "reports" / "grasp-household" / "report.md"
+    store = parser.parse_args().store
+    report, films = store / "reports" / "grasp-household" / "report.md", store / "recordings" / "grasp-household"
     into(PAGE, "categories", SCRIPT, "\n".join(categories()))
     if report.exists():
         into(PAGE, "results", SCRIPT, "\n".join(results(report.read_text())))
+        stack_sheets([sheet for one in SHOWN for sheet in films.glob(f"{one}-mujoco/*.png")], "household.jpg")
 
 
 if __name__ == "__main__":

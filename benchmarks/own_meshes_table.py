@@ -6,6 +6,7 @@
     PYTHONPATH=. python benchmarks/own_meshes_table.py [--store DIR] --report dexycb_meshes-adapted --block "simplified scans"
 
 The rows are those of the report of the run, and what its adaptation kept. A run of some scans (--clip) has a report of its own.
+`--picture own_meshes.jpg` also writes the picture of the page, from the sheets of the run's films in PyBullet.
 """
 
 from __future__ import annotations
@@ -14,12 +15,12 @@ import argparse
 from collections.abc import Iterator
 from pathlib import Path
 
-from benchmarks.pages import ROOT, into
+from benchmarks.pages import ROOT, into, stack_sheets
 
 PAGE = ROOT / "docs" / "grasping" / "own-meshes.md"
 SCRIPT = "own_meshes_table.py"
 ENGINES = {"bullet": "PyBullet", "mujoco": "MuJoCo"}
-POLICIES = {"teacher": "of flat tools", "bodies": "as it is", "adapted": "adapted"}
+POLICIES = {"teacher": "of flat tools", "bodies": "as it is", "tried": "at tried places", "adapted": "adapted"}
 HEAD = "| object | policy | engine |"
 
 
@@ -53,9 +54,12 @@ def main() -> None:
     parser.add_argument("--store", type=Path, default=ROOT / "artifacts")
     parser.add_argument("--report", default="objects-adapted")
     parser.add_argument("--block", default="scans", help="name of the block of the page")
+    parser.add_argument("--picture", default="", help="name of a picture to write")
     given = parser.parse_args()
     report = given.store / "reports" / given.report / "report.md"
     into(PAGE, given.block, SCRIPT, "\n".join(table(report.read_text(encoding="utf-8"))))
+    if given.picture:
+        stack_sheets(sorted((given.store / "recordings" / given.report / "grasps-0").glob("*.png")), given.picture)
 
 
 if __name__ == "__main__":

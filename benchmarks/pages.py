@@ -6,10 +6,16 @@ import json
 import re
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import cv2
+import numpy as np
+
 ROOT = Path(__file__).resolve().parent.parent
+PICTURE_PX, QUALITY = 1100, 85
+"""width of a picture of a page, and its JPEG quality"""
 TOOK = re.compile(r"`make [\w-]+` took .*\n\n")
 """how long a target took, at the head of a block"""
 
@@ -26,6 +32,16 @@ def into(page: Path, name: str, by: str, block: str) -> None:
     """Replace what stands between the two marks of a page; `by` is the script that its mark names. SystemExit without marks."""
     before, _, after = _parts(page, name, by)
     page.write_text(f"{before}{block}{after}")
+
+
+def stack_sheets(sheets: Sequence[Path], name: str) -> None:
+    """Write docs/pictures/<name>: sheets of recordings, equally wide, one below the other. SystemExit without a sheet."""
+    if not sheets:
+        raise SystemExit(f"{name}: expected the sheet of a recording, got none")
+    found = [np.asarray(cv2.imread(str(sheet))) for sheet in sheets]
+    narrow = [cv2.resize(one, (PICTURE_PX, round(one.shape[0] * PICTURE_PX / one.shape[1])), interpolation=cv2.INTER_AREA)
+              for one in found]  # fmt: skip
+    cv2.imwrite(str(ROOT / "docs" / "pictures" / name), np.concatenate(narrow), [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
 
 
 def took(page: Path, name: str, by: str, line: str) -> str:

@@ -68,9 +68,9 @@ SURFACE: Changes = {
 ADAPTED: Changes = {
     "view_render.size_px": 96, "view_render.directions": 64, "view_render.most": 8, "mesh_texture.procedural.side_px": 128,
     "body_tasks.points": 256, "body_tasks.hulls": 6, "body_evaluate.episodes": 1, "body_evaluate.at_once": 1,
-    "body_evaluate.iterations": 20, "body_adapt.worlds": 2, "body_adapt.bullet": 1, "body_adapt.generations": 2,
-    "body_adapt.rounds": 2, "body_adapt.updates": 5, "body_adapt.iterations": 20, "grasp_record.width": 64,
-    "grasp_record.height": 48, "grasp_record.supersample": 1}  # fmt: skip
+    "body_evaluate.iterations": 20, "body_choose.options": 2, "body_choose.episodes": 1, "body_choose.iterations": 20,
+    "body_adapt.worlds": 2, "body_adapt.bullet": 1, "body_adapt.generations": 2, "body_adapt.rounds": 2, "body_adapt.updates": 5,
+    "body_adapt.iterations": 20, "grasp_record.width": 64, "grasp_record.height": 48, "grasp_record.supersample": 1}  # fmt: skip
 """a few episodes with the shipped models: settings of their trainings would train others"""
 LESSONS: Changes = {
     "hand_plan.rooms": 1, "hand_plan.val_rooms": 1, "hand_lessons.pictures": 24, "hand_lessons.width_px": 144,

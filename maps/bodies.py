@@ -16,9 +16,11 @@ from schemas.episodes import GraspEpisodes
 from schemas.files import FileTree
 from schemas.grasp import GraspTask
 from schemas.hand import HandModel
+from schemas.surface import PartDescriptions
 from schemas.training import TrainingLog
 from stages.grasping import (
     body_adapt,
+    body_choose,
     body_episodes,
     body_evaluate,
     body_list,
@@ -31,6 +33,8 @@ from stages.recording import grasp_record
 from stages.surface import part_segment
 from stages.synthetic import household_build, household_plan
 
+TRIED = "tried"
+"""row of a policy at the places that it tried"""
 LESSON_USES = 2
 """uses of each household body that a policy is trained on, at most: others of the same part have the same place"""
 
@@ -46,8 +50,8 @@ class Bodies(NamedTuple):
     """of each mesh that was read"""
 
 
-def add_bodies(g: Graph, origin: Origin, hand: HandModel, p: Settings) -> Bodies:
-    """Find the parts and N_t of the user's meshes, and turn them into bodies with tasks."""
+def add_bodies(g: Graph, origin: Origin, hand: HandModel, p: Settings) -> tuple[Bodies, PartDescriptions]:
+    """Find the parts and N_t of the user's meshes, and turn them into bodies with tasks; also the descriptions of their parts."""
     scorer = shipped(g, p, "scorer_train")
     read = surface.read_meshes(g, origin, p)
     x = surface.add_meshes(g, read, p)
@@ -57,8 +61,18 @@ def add_bodies(g: Graph, origin: Origin, hand: HandModel, p: Settings) -> Bodies
                   scores=seen.fit, params=p.surface.part_segment)  # fmt: skip
     made = g.add(body_tasks.run, hand=hand, mesh=x.mesh, parts=parts, report=g.pick(read, lambda r: r.report),
                  descriptions=seen.notes, found=seen.found, params=p.grasping.body_tasks)  # fmt: skip
-    return Bodies(g.leaf("mesh_names", tuple(FileTree(one.name, ()) for one in origin.meshes)), made,
-                  g.add(body_list.run, body=made, params=body_list.Params()))  # fmt: skip
+    names = g.leaf("mesh_names", tuple(FileTree(one.name, ()) for one in origin.meshes))
+    return Bodies(names, made, g.add(body_list.run, body=made, params=body_list.Params())), seen.notes
+
+
+def choose_places(g: Graph, hand: HandModel, bodies: Bodies, described: PartDescriptions, policy: FileTree,
+                  p: Settings) -> Bodies:  # fmt: skip
+    """Let a policy try places of each task of the user's meshes, and take the best; the bodies as they are for one place each."""
+    if p.grasping.body_choose.options == 1:
+        return bodies
+    made = g.add(body_choose.run, hand=hand, body=bodies.made, descriptions=described, policy=policy,
+                 params=p.grasping.body_choose, ctx=g.ctx)  # fmt: skip
+    return bodies._replace(made=made, tasks=g.named("tried_list").add(body_list.run, body=made, params=body_list.Params()))
 
 
 def household_bodies(g: Graph, hand: HandModel, p: Settings, prefix: str = "") -> Bodies:
@@ -90,16 +104,28 @@ def adapt_bodies(g: Graph, hand: HandModel, bodies: Bodies, policy: FileTree,
     return files, g.collect(g.pick(made, lambda t: t.log))
 
 
-def evaluate_bodies(g: Graph, hand: HandModel, bodies: Bodies, policies: Mapping[str, FileTree],
-                    p: Settings) -> list[GraspEpisodes]:  # fmt: skip
-    """Evaluate policies by name on every body; handles of the episodes of all bodies, one for each policy and engine."""
+def evaluate_bodies(g: Graph, hand: HandModel, bodies: Bodies, policies: Mapping[str, FileTree], p: Settings,
+                    row: str = "") -> list[GraspEpisodes]:  # fmt: skip
+    """Evaluate policies by name on every body; handles of the episodes of all bodies, one for each policy and engine.
+
+    `row` is the name of one policy in tables, where it is not its own.
+    """
     out = list[GraspEpisodes]()
     for (name, policy), engine in product(policies.items(), p.grasping.body_report.engines):
-        each = g.named(f"{name}_{engine}").add(body_evaluate.run, hand=hand, tasks=bodies.tasks, policy=policy,
-                                               params=replace(p.grasping.body_evaluate, policy=name, engine=engine), ctx=g.ctx)
-        out.append(g.named(f"{name}_{engine}_episodes").add(body_episodes.run, episodes=g.collect(each),
-                                                            params=body_episodes.Params(name)))  # fmt: skip
+        shown = row or name
+        each = g.named(f"{shown}_{engine}").add(body_evaluate.run, hand=hand, tasks=bodies.tasks, policy=policy,
+                                                params=replace(p.grasping.body_evaluate, policy=name, engine=engine), ctx=g.ctx)
+        out.append(g.named(f"{shown}_{engine}_episodes").add(body_episodes.run, episodes=g.collect(each),
+                                                             params=body_episodes.Params(shown)))  # fmt: skip
     return out
+
+
+def evaluate_tried(g: Graph, hand: HandModel, bodies: Bodies, tried: Bodies, policies: Mapping[str, FileTree],
+                   p: Settings) -> list[GraspEpisodes]:  # fmt: skip
+    """Evaluate policies at the places that the shapes suggest, and the last of them at the places that were tried."""
+    found = evaluate_bodies(g, hand, bodies, policies, p)
+    name = list(policies)[-1]
+    return found if tried is bodies else [*found, *evaluate_bodies(g, hand, tried, {name: policies[name]}, p, TRIED)]
 
 
 def of_last_policy(episodes: list[GraspEpisodes], p: Settings) -> list[GraspEpisodes]:
@@ -107,17 +133,18 @@ def of_last_policy(episodes: list[GraspEpisodes], p: Settings) -> list[GraspEpis
     return episodes[-len(p.grasping.body_report.engines) :]
 
 
-def report_bodies(g: Graph, target: str, hand: HandModel, bodies: Bodies, episodes: list[GraspEpisodes], p: Settings,
-                  before: list[GraspEpisodes] | None = None, adapted: tuple[TrainingLog, ...] | None = None) -> None:  # fmt: skip
+def report_bodies(g: Graph, target: str, hand: HandModel, bodies: Bodies, tried: Bodies, episodes: list[GraspEpisodes],
+                  p: Settings, before: list[GraspEpisodes] | None = None,
+                  adapted: tuple[TrainingLog, ...] | None = None) -> None:  # fmt: skip
     """Report the episodes of all bodies, film and record them, and set the target.
 
     Episodes `before` an adaptation are in the report only; `adapted` are its curves. Films are those of the last policy.
     """
     logs = g.leaf("not_adapted", ()) if adapted is None else adapted
-    page = g.add(body_report.run, meshes=bodies.names, bodies=g.collect(bodies.made), adapted=logs,
+    page = g.add(body_report.run, meshes=bodies.names, bodies=g.collect(bodies.made), adapted=logs, tried=g.collect(tried.made),
                  episodes=g.finished("body_runs", [*(before or ()), *episodes]),
                  params=p.grasping.body_report, ctx=g.ctx)  # fmt: skip
-    tasks = g.collect(bodies.tasks)
+    tasks = g.collect(tried.tasks)
     films = [g.named(f"grasp_record_{number}").add(grasp_record.run, hand=hand, tasks=tasks, episodes=one,
                                                    params=p.grasping.grasp_record, ctx=g.ctx)
              for number, one in enumerate(of_last_policy(episodes, p))]  # fmt: skip

@@ -424,18 +424,21 @@ def body_policies(g: Graph, p: Settings) -> tuple[HandModel, dict[str, FileTree]
 def grasp_meshes(g: Graph, origin: Origin, p: Settings) -> None:
     """Grasps of the user's meshes by the shipped policy of bodies as it is, in both engines."""
     hand, policies = body_policies(g, p)
-    found = bodies.add_bodies(g, origin, hand, p)
-    bodies.report_bodies(g, "grasp", hand, found, bodies.evaluate_bodies(g, hand, found, policies, p), p)
+    found, described = bodies.add_bodies(g, origin, hand, p)
+    tried = bodies.choose_places(g, hand, found, described, list(policies.values())[-1], p)
+    bodies.report_bodies(g, "grasp", hand, found, tried, bodies.evaluate_tried(g, hand, found, tried, policies, p), p)
 
 
 def grasp_adapt(g: Graph, origin: Origin, p: Settings) -> None:
     """Grasps of the meshes of --source by the shipped policy of bodies, as it is and adapted to each, in both engines."""
     hand, policies = body_policies(g, p)
-    found = bodies.add_bodies(g, origin, hand, p)
-    before = bodies.evaluate_bodies(g, hand, found, policies, p)
-    adapted, curves = bodies.adapt_bodies(g, hand, found, list(policies.values())[-1], p)
-    after = bodies.evaluate_bodies(g, hand, found, {"adapted": adapted}, p)
-    bodies.report_bodies(g, "grasp-adapt", hand, found, after, p, before, curves)
+    last = list(policies.values())[-1]
+    found, described = bodies.add_bodies(g, origin, hand, p)
+    tried = bodies.choose_places(g, hand, found, described, last, p)
+    before = bodies.evaluate_tried(g, hand, found, tried, policies, p)
+    adapted, curves = bodies.adapt_bodies(g, hand, tried, last, p)
+    after = bodies.evaluate_bodies(g, hand, tried, {"adapted": adapted}, p)
+    bodies.report_bodies(g, "grasp-adapt", hand, found, tried, after, p, before, curves)
 
 
 def report(g: Graph, target: str, s: Setup, results: Results, followed: Iterable[ClipsFollowed], p: Settings,

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from stages.grasping import (
     body_adapt,
+    body_choose,
     body_evaluate,
     body_refinement,
     body_report,
@@ -72,6 +73,7 @@ class Grasping:
     imitation_evaluate: imitation_evaluate.Params = imitation_evaluate.Params()
     grasp_judge: grasp_judge.Params = grasp_judge.Params()
     body_tasks: body_tasks.Params = body_tasks.Params()
+    body_choose: body_choose.Params = body_choose.Params()
     body_adapt: body_adapt.Params = body_adapt.Params()
     body_refinement: body_refinement.Params = body_refinement.Params()
     body_evaluate: body_evaluate.Params = body_evaluate.Params()

@@ -19,7 +19,7 @@ from runner.canonical import file_digest
 from schemas.bodies import BodyTasks
 from schemas.mesh import MeshParts, MeshReport, ObjectMesh
 from schemas.surface import DistanceField, NegativeAffordance, NegativeAffordances, PartDescription, PartDescriptions, PartNote
-from stages.grasping import body_evaluate, body_report, body_tasks
+from stages.grasping import body_choose, body_evaluate, body_report, body_tasks
 from tests.helpers.made_hands import shadow
 from tests.helpers.made_students import teacher
 from tests.helpers.mesh_files import write_obj
@@ -146,11 +146,13 @@ def test_an_evaluation_and_its_report(tmp_path: Path) -> None:
     names = tuple(file_tree(name) for name in ("stick", "sheet", "room"))
     points = [Point(step, f"val.{name}", 0.1 * step) for step in (0, 2) for name in ("score", "success", "held")]
     logs = (training_log("stick", points, 2, 4), training_log("sheet", (), 0, 0))
-    page = body_report.run(names, (good, bad), tuple(runs), logs, body_report.Params(), ctx)  # type: ignore[arg-type]
+    tried = (replace(good, notes=("stick/cut: at the blade",)), bad)
+    page = body_report.run(names, (good, bad), tuple(runs), logs, body_report.Params(), ctx, tried)  # type: ignore[arg-type]
     text = page.find("report.md").path.read_text()  # type: ignore[union-attr]
     found = json.loads(page.find("metrics.json").path.read_text())  # type: ignore[union-attr]
     assert "sheet: expected a body" in text and "room: could not be read" in text and "| stick | teacher | mujoco |" in text
     assert "| stick | 0.0 | 20.0 | 0.0 | 20.0 | round 2 of 4 |" in text and "| sheet | 0" not in text
+    assert text.index("Places by trial") < text.index("- stick/cut: at the blade") and text.count("at the blade") == 1
     assert (found["objects"], found["objects_refused"], found["teacher.mujoco.tasks_with_negative"]) == (3, 2, 1)
     assert 0 <= found["teacher.mujoco.succ"] <= 1
 
@@ -168,7 +170,9 @@ def test_the_graph_with_and_without_a_source(tmp_path: Path) -> None:
     graph = build("grasp", place._replace(name="mine"), Settings.of()) if found else None
     assert graph is not None and [one.name for one in place.meshes] == ["stick"]
     names = {node.name for node in graph.stages()}
-    assert {"mesh_read", "part_segment", "body_tasks", "bodies_bullet", "bodies_mujoco", "body_report"} <= names
+    assert {"mesh_read", "part_segment", "body_tasks", "body_choose", "bodies_bullet", "tried_mujoco", "body_report"} <= names
+    once = build("grasp", place._replace(name="mine"), Settings.of(body_choose=body_choose.Params(options=1)))
+    assert not {"body_choose", "tried_bullet"} & {node.name for node in once.stages()}
     usual = {node.name for node in build("grasp", origin("grasp", None, Settings(), file_digest)[0], Settings()).stages()}
     assert not {"mesh_read", "body_tasks"} & usual and {"teacher_0", "no_negative_0"} <= usual
     with pytest.raises(UsageError, match="got nothing"):

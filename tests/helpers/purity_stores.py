@@ -247,6 +247,7 @@ def grasped_meshes(store: Path, folder: Path) -> None:
     """A teacher that has hardly learned anything was tried on a box, and hardly adapted to it."""
     p = SCHOOL.with_stages(
         body_evaluate=replace(SCHOOL.grasping.body_evaluate, episodes=1, at_once=1, iterations=20),
+        body_choose=replace(SCHOOL.grasping.body_choose, options=2, finalists=1, episodes=1, engines=("mujoco",), iterations=20),
         body_adapt=replace(SCHOOL.grasping.body_adapt, worlds=2, bullet=0, generations=1, rounds=1, updates=2, iterations=20),
         body_report=replace(SCHOOL.grasping.body_report, engines=("mujoco",), policies=("teacher",)),
         mesh_texture=replace(SCHOOL.surface.mesh_texture, procedural=replace(SCHOOL.surface.mesh_texture.procedural, side_px=64)))
@@ -385,6 +386,7 @@ MAKERS: dict[Maker, tuple[str, ...]] = {
              "grasp_evaluate", "grasp_report", "imitation_evaluate", "grasp_two_tasks", "policy_record",
              "recordings_read", "human_motion", "clip_proof", "prior_report",
              "part_segment", "body_tasks", "body_list", "body_evaluate", "body_episodes", "body_report", "body_adapt",
+             "body_choose",
              "body_refinement",
              "household_plan", "household_build", "household_tasks", "household_shown", "household_report"),
     judged: ("grasp_judge",),

@@ -55,6 +55,7 @@ EXCEPTIONS: dict[str, str] = {
     "clip_proof": "its verdicts are on the page of prior_report, which is recorded",
     "part_segment": "its parts are those of the hulls that grasp_record shows",
     "body_tasks": "its bodies are /grasp_evaluate/scene of grasp_record; refusals are in body_report, which is recorded",
+    "body_choose": "its bodies are /grasp_evaluate/scene of grasp_record; its choices are in body_report, which is recorded",
     "body_adapt": "its episodes before and after are in body_report, which is recorded, and those after in grasp_record",
     "body_refinement": "its curves are tensorboard/ of its files; its episodes are those of grasp_record",
     "household_build": "its mesh is that of the hulls that grasp_record shows",

@@ -24,8 +24,12 @@ judged by the prediction; only tasks with N_t have one, and means of AS are over
 `bodies` was trained on household bodies, `teacher` on flat tools alone, neither on these. The hand begins over the place of the
 grasp family, and the policy is free from there on; once it has gripped and raised the object, the wrist carries it to its goal, and
 spare fingers let go of N_t (body_evaluate.carry). Objects whose use is `geometry alone` have no part with a place for a hand: they
-are held wherever their shape allows, without N_t.
+are held wherever their shape allows, without N_t. `tried` is the last policy at the places where it did best in a few episodes
+beforehand, with other starts; each may be on another part and in another pose. All other rows but `adapted` are at the places, and
+in the poses, that the shapes suggest.
 """
+TRIED = """The policy played each use at several places beforehand. Rows `tried` and `adapted` are at the best one, which is not the
+one that the shape suggests for these uses:"""
 ADAPTED = """Scripted grasps that lift the object, found in both engines, were cloned for the tasks in which they are better than
 the shipped policy, which acts in all others. Figures are of these tasks, or of all where no script was better, on episodes of
 the training. The tables above are of other episodes."""
@@ -48,15 +52,18 @@ class BodyRow(NamedTuple):
 
 
 def write_report(name: str, meshes: Sequence[str], bodies: Sequence[BodyTasks], runs: Sequence[GraspEpisodes],
-                 scratch: Path, adapted: Sequence[TrainingLog] = ()) -> FileTree:  # fmt: skip
-    """Write report.md and metrics.json; `adapted` are the logs of body_adapt. ValueError without a mesh."""
+                 scratch: Path, adapted: Sequence[TrainingLog] = (), tried: Sequence[BodyTasks] = ()) -> FileTree:  # fmt: skip
+    """Write report.md and metrics.json; `adapted` are the logs of body_adapt, `tried` the bodies of body_choose.
+
+    ValueError without a mesh.
+    """
     if not meshes:
         raise ValueError("body_report: expected one mesh or more, got none")
     rows = [row for body in bodies for run in runs if (row := body_row(body, run)) is not None]
     unread = [one for one in meshes if one not in {body.name for body in bodies}]
     root = empty_folder(scratch / "report")
     write_json(root / "metrics.json", metrics(rows, len(meshes), len(unread) + sum(not body.tasks for body in bodies)))
-    lines = [HEAD, *_tables(rows), *_uses(bodies, runs), *_adapted(adapted), *_remarks(bodies, unread)]
+    lines = [HEAD, *_tables(rows), *_uses(bodies, runs), *_tried(bodies, tried), *_adapted(adapted), *_remarks(bodies, unread)]
     (root / "report.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
     return tree(name, root)
 
@@ -116,6 +123,14 @@ def _uses(bodies: Sequence[BodyTasks], runs: Sequence[GraspEpisodes]) -> Iterato
             cells = [_share(task.name, [run for run, name in zip(runs, columns, strict=True) if name == one]) for one in unique]
             yield (f"| {task.name} | {task.hold} | {', '.join(task.negative) or '-'} | {len(task.N_t)} | {family} | "
                    f"{' | '.join(cells)} |")
+
+
+def _tried(bodies: Sequence[BodyTasks], tried: Sequence[BodyTasks]) -> Iterator[str]:
+    """Yield the remarks of body_choose."""
+    known = {line for body in bodies for line in body.notes}
+    found = [line for body in tried for line in body.notes if line not in known]
+    if found:
+        yield from ("", "## Places by trial", "", TRIED, "", *(f"- {line}" for line in found))
 
 
 def _adapted(logs: Sequence[TrainingLog]) -> Iterator[str]:
