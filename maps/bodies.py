@@ -1,4 +1,4 @@
-"""Graph of grasps of the user's meshes: parts and N_t -> bodies and tasks -> a policy, as it is or adapted -> the report."""
+"""Bodies to grasp: household bodies with their tasks, the policies for bodies, and their evaluation in both engines."""
 
 from __future__ import annotations
 
@@ -7,34 +7,21 @@ from dataclasses import replace
 from itertools import product
 from typing import NamedTuple
 
-from maps import surface
-from maps.common import record_run, reported, shipped
-from maps.settings import Origin, Settings
+from afford.grasping.evaluate.recipes import TEACHER
+from maps import grasping
+from maps.common import shipped
+from maps.settings import Settings
 from runner import Graph
 from schemas.bodies import BodyTasks
 from schemas.episodes import GraspEpisodes
 from schemas.files import FileTree
 from schemas.grasp import GraspTask
 from schemas.hand import HandModel
-from schemas.surface import PartDescriptions
-from schemas.training import TrainingLog
-from stages.grasping import (
-    body_adapt,
-    body_choose,
-    body_episodes,
-    body_evaluate,
-    body_list,
-    body_refinement,
-    body_report,
-    body_tasks,
-    household_tasks,
-)
-from stages.recording import grasp_record
-from stages.surface import part_segment
+from stages.grasping import body_episodes, body_evaluate, body_list, body_refinement, household_tasks
 from stages.synthetic import household_build, household_plan
 
-TRIED = "tried"
-"""row of a policy at the places that it tried"""
+BODIES = "bodies"
+"""name of the teacher that was trained further on household bodies"""
 LESSON_USES = 2
 """uses of each household body that a policy is trained on, at most: others of the same part have the same place"""
 
@@ -48,31 +35,6 @@ class Bodies(NamedTuple):
     """of each mesh that was read"""
     tasks: tuple[GraspTask, ...]
     """of each mesh that was read"""
-
-
-def add_bodies(g: Graph, origin: Origin, hand: HandModel, p: Settings) -> tuple[Bodies, PartDescriptions]:
-    """Find the parts and N_t of the user's meshes, and turn them into bodies with tasks; also the descriptions of their parts."""
-    scorer = shipped(g, p, "scorer_train")
-    read = surface.read_meshes(g, origin, p)
-    x = surface.add_meshes(g, read, p)
-    scorer = surface.train_scorer(g, p).files(g) if scorer is None else scorer
-    seen = surface.add_affordance(g, x, scorer, p)
-    parts = g.add(part_segment.run, mesh=x.mesh, parts=x.parts, views=x.views, candidates=x.candidates, descriptions=seen.notes,
-                  scores=seen.fit, params=p.surface.part_segment)  # fmt: skip
-    made = g.add(body_tasks.run, hand=hand, mesh=x.mesh, parts=parts, report=g.pick(read, lambda r: r.report),
-                 descriptions=seen.notes, found=seen.found, params=p.grasping.body_tasks)  # fmt: skip
-    names = g.leaf("mesh_names", tuple(FileTree(one.name, ()) for one in origin.meshes))
-    return Bodies(names, made, g.add(body_list.run, body=made, params=body_list.Params())), seen.notes
-
-
-def choose_places(g: Graph, hand: HandModel, bodies: Bodies, described: PartDescriptions, policy: FileTree,
-                  p: Settings) -> Bodies:  # fmt: skip
-    """Let a policy try places of each task of the user's meshes, and take the best; the bodies as they are for one place each."""
-    if p.grasping.body_choose.options == 1:
-        return bodies
-    made = g.add(body_choose.run, hand=hand, body=bodies.made, descriptions=described, policy=policy,
-                 params=p.grasping.body_choose, ctx=g.ctx)  # fmt: skip
-    return bodies._replace(made=made, tasks=g.named("tried_list").add(body_list.run, body=made, params=body_list.Params()))
 
 
 def household_bodies(g: Graph, hand: HandModel, p: Settings, prefix: str = "") -> Bodies:
@@ -96,12 +58,22 @@ def refine_teacher(g: Graph, hand: HandModel, teacher: FileTree, p: Settings) ->
     return g.publish(g.pick(made, lambda t: t.files), "models/{source}-bodies", as_="refined")
 
 
-def adapt_bodies(g: Graph, hand: HandModel, bodies: Bodies, policy: FileTree,
-                 p: Settings) -> tuple[FileTree, tuple[TrainingLog, ...]]:  # fmt: skip
-    """Adapt a teacher to each body; the policy of each, and the curves of all."""
-    made = g.add(body_adapt.run, hand=hand, tasks=bodies.tasks, policy=policy, params=p.grasping.body_adapt, ctx=g.ctx)
-    files = g.publish(g.pick(made, lambda t: t.files), "models/{source}/{clip}", as_="adapted")
-    return files, g.collect(g.pick(made, lambda t: t.log))
+def body_policies(g: Graph, p: Settings) -> tuple[HandModel, dict[str, FileTree]]:
+    """Robot hand, and the policies of `body_report.policies` for bodies; those that are not shipped are trained.
+
+    ValueError for another name.
+    """
+    wanted = p.grasping.body_report.policies
+    if not wanted or set(wanted) - {TEACHER, BODIES}:
+        raise ValueError(f"body_report.policies: expected some of {TEACHER}, {BODIES}, got {', '.join(wanted) or 'none'}")
+    refined = shipped(g, p, "body_refinement") if BODIES in wanted else None
+    if wanted == (BODIES,) and refined is not None:
+        return grasping.robot_hand(g, p), {BODIES: refined}
+    hand, teacher = grasping.usual_teacher(g, p)
+    if BODIES in wanted and refined is None:
+        refined = refine_teacher(g, hand, teacher, p)
+    known = {TEACHER: teacher, BODIES: refined}
+    return hand, {name: policy for name in wanted if (policy := known[name]) is not None}
 
 
 def evaluate_bodies(g: Graph, hand: HandModel, bodies: Bodies, policies: Mapping[str, FileTree], p: Settings,
@@ -120,34 +92,6 @@ def evaluate_bodies(g: Graph, hand: HandModel, bodies: Bodies, policies: Mapping
     return out
 
 
-def evaluate_tried(g: Graph, hand: HandModel, bodies: Bodies, tried: Bodies, policies: Mapping[str, FileTree],
-                   p: Settings) -> list[GraspEpisodes]:  # fmt: skip
-    """Evaluate policies at the places that the shapes suggest, and the last of them at the places that were tried."""
-    found = evaluate_bodies(g, hand, bodies, policies, p)
-    name = list(policies)[-1]
-    return found if tried is bodies else [*found, *evaluate_bodies(g, hand, tried, {name: policies[name]}, p, TRIED)]
-
-
 def of_last_policy(episodes: list[GraspEpisodes], p: Settings) -> list[GraspEpisodes]:
     """Select the episodes of the last policy, one for each engine, of those of evaluate_bodies."""
     return episodes[-len(p.grasping.body_report.engines) :]
-
-
-def report_bodies(g: Graph, target: str, hand: HandModel, bodies: Bodies, tried: Bodies, episodes: list[GraspEpisodes],
-                  p: Settings, before: list[GraspEpisodes] | None = None,
-                  adapted: tuple[TrainingLog, ...] | None = None) -> None:  # fmt: skip
-    """Report the episodes of all bodies, film and record them, and set the target.
-
-    Episodes `before` an adaptation are in the report only; `adapted` are its curves. Films are those of the last policy.
-    """
-    logs = g.leaf("not_adapted", ()) if adapted is None else adapted
-    page = g.add(body_report.run, meshes=bodies.names, bodies=g.collect(bodies.made), adapted=logs, tried=g.collect(tried.made),
-                 episodes=g.finished("body_runs", [*(before or ()), *episodes]),
-                 params=p.grasping.body_report, ctx=g.ctx)  # fmt: skip
-    tasks = g.collect(tried.tasks)
-    films = [g.named(f"grasp_record_{number}").add(grasp_record.run, hand=hand, tasks=tasks, episodes=one,
-                                                   params=p.grasping.grasp_record, ctx=g.ctx)
-             for number, one in enumerate(of_last_policy(episodes, p))]  # fmt: skip
-    for number, film in enumerate(films):
-        g.publish(film, f"recordings/{{source}}/grasps-{number}", as_=f"films_{number}")
-    g.target(target, reported(g, page), record_run(g, "body_report", page), *films)

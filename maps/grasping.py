@@ -1,8 +1,7 @@
 """Graph of the grasping system: objects and human motion -> prior, teachers, students -> evaluations and the report.
 
 Targets: `grasp` (a teacher with and without negative rewards), `grasp-full` (all rows of the tables), `grasp-play` (a film of the
-shipped teacher), `grasp-adapt` (the shipped teacher, adapted to meshes of the user). Recorded motion is in
-maps/motions.py, meshes of the user in maps/bodies.py.
+shipped teacher). Recorded motion is in maps/motions.py, meshes of the user in maps/own_meshes.py.
 """
 
 from __future__ import annotations
@@ -13,7 +12,7 @@ from typing import Any, NamedTuple
 
 from afford.grasping.evaluate.recipes import NO_NEGATIVE, POSITIVE, POSITIVE_TRUTH, ROWS, STUDENT, STUDENTS, TEACHER, planned_runs
 from afford.grasping.hand.assets import shadow_files
-from maps import bodies, surface, twohands
+from maps import surface, twohands
 from maps.common import parameters, record_run, recorded, reported, shipped, weights
 from maps.settings import Origin, Settings
 from maps.synthetic import stills_to_train
@@ -56,8 +55,6 @@ LEVELS_OF_ROW = {TEACHER: LEVELS, NO_NEGATIVE: LEVELS, STUDENT: LEVELS, POSITIVE
 """row -> levels it is evaluated on; every other row is evaluated on level `train` only"""
 CONDITIONS: dict[str, dict[str, Any]] = {"dropped": {"poses": "dropped"}, "pushed": {"push_n": 2.0}}
 """further evaluations of a teacher on level `train`: objects dropped at random; pushes on the raised object"""
-BODIES = "bodies"
-"""name of the teacher that was trained further on household bodies"""
 SHOWN, EPISODES_SHOWN = ("knife", "screwdriver", "spatula"), 9
 """tools of `grasp-play`, and its episodes"""
 SHAPES, SIZES, BALLAST = 6, (0.85, 1.15), 6.0
@@ -350,10 +347,7 @@ def in_engine(p: Settings, engine: str) -> Settings:
 
 
 def grasp(g: Graph, origin: Origin, p: Settings) -> None:
-    """Prior, and a teacher with and without negative rewards, evaluated on all levels; of --source, grasps of its meshes."""
-    if origin.meshes:
-        grasp_meshes(g, origin, p)
-        return
+    """Prior, and a teacher with and without negative rewards, evaluated on all levels."""
     s, fast = setup(g, p), in_engine(p, p.grasping.grasp_report.engines[-1])
     report(g, "grasp", s, train_rows(g, s, planned_runs((TEACHER, NO_NEGATIVE), 1), {TEACHER: LEVELS}, p, fast), (), p)
 
@@ -401,44 +395,6 @@ def usual_teacher(g: Graph, p: Settings) -> tuple[HandModel, FileTree]:
         return robot_hand(g, p), policy
     made = setup(g, p)
     return made.hand, g.pick(train_teacher(g, made, TEACHER, 0, p), lambda t: t.files)
-
-
-def body_policies(g: Graph, p: Settings) -> tuple[HandModel, dict[str, FileTree]]:
-    """Robot hand, and the policies of `body_report.policies` for bodies; those that are not shipped are trained.
-
-    ValueError for another name.
-    """
-    wanted = p.grasping.body_report.policies
-    if not wanted or set(wanted) - {TEACHER, BODIES}:
-        raise ValueError(f"body_report.policies: expected some of {TEACHER}, {BODIES}, got {', '.join(wanted) or 'none'}")
-    refined = shipped(g, p, "body_refinement") if BODIES in wanted else None
-    if wanted == (BODIES,) and refined is not None:
-        return robot_hand(g, p), {BODIES: refined}
-    hand, teacher = usual_teacher(g, p)
-    if BODIES in wanted and refined is None:
-        refined = bodies.refine_teacher(g, hand, teacher, p)
-    known = {TEACHER: teacher, BODIES: refined}
-    return hand, {name: policy for name in wanted if (policy := known[name]) is not None}
-
-
-def grasp_meshes(g: Graph, origin: Origin, p: Settings) -> None:
-    """Grasps of the user's meshes by the shipped policy of bodies as it is, in both engines."""
-    hand, policies = body_policies(g, p)
-    found, described = bodies.add_bodies(g, origin, hand, p)
-    tried = bodies.choose_places(g, hand, found, described, list(policies.values())[-1], p)
-    bodies.report_bodies(g, "grasp", hand, found, tried, bodies.evaluate_tried(g, hand, found, tried, policies, p), p)
-
-
-def grasp_adapt(g: Graph, origin: Origin, p: Settings) -> None:
-    """Grasps of the meshes of --source by the shipped policy of bodies, as it is and adapted to each, in both engines."""
-    hand, policies = body_policies(g, p)
-    last = list(policies.values())[-1]
-    found, described = bodies.add_bodies(g, origin, hand, p)
-    tried = bodies.choose_places(g, hand, found, described, last, p)
-    before = bodies.evaluate_tried(g, hand, found, tried, policies, p)
-    adapted, curves = bodies.adapt_bodies(g, hand, tried, last, p)
-    after = bodies.evaluate_bodies(g, hand, tried, {"adapted": adapted}, p)
-    bodies.report_bodies(g, "grasp-adapt", hand, found, tried, after, p, before, curves)
 
 
 def report(g: Graph, target: str, s: Setup, results: Results, followed: Iterable[ClipsFollowed], p: Settings,

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from maps.bodies import evaluate_bodies, household_bodies, of_last_policy
+from maps.bodies import body_policies, evaluate_bodies, household_bodies, of_last_policy
 from maps.common import record_run, reported
-from maps.grasping import body_policies
 from maps.settings import Origin, Settings
 from runner import Graph
 from stages.grasping import household_report, household_shown

@@ -160,7 +160,7 @@ def score_bodies(runner: Runner, model: FileTree, args: argparse.Namespace) -> l
         p = p.with_stages(body_evaluate=replace(p.grasping.body_evaluate, traces=TRACES))
         hand = grasping.robot_hand(g, p)
         made = bodies.household_bodies(g, hand, p)
-        episodes = bodies.evaluate_bodies(g, hand, made, {grasping.BODIES: g.leaf("policy", model)}, p)
+        episodes = bodies.evaluate_bodies(g, hand, made, {bodies.BODIES: g.leaf("policy", model)}, p)
         return g.add(household_report.run, bodies=g.collect(made.made), episodes=tuple(episodes), ctx=g.ctx,
                      params=household_report.Params())  # fmt: skip
 
@@ -168,7 +168,7 @@ def score_bodies(runner: Runner, model: FileTree, args: argparse.Namespace) -> l
     rows: list[Row] = [("categories", "engine", "Succ", "AS %, successes", "episodes")]
     for group in ("others", "held out"):
         for engine in Settings().grasping.body_report.engines:
-            prefix = f"{grasping.BODIES}.{engine}.all.{group}."
+            prefix = f"{bodies.BODIES}.{engine}.all.{group}."
             of = {name: found.get(f"{prefix}{name}", float("nan")) for name in ("succ", "as_violation_pct", "episodes")}
             low, high = wilson_interval(round(of["succ"] * of["episodes"]), round(of["episodes"]))
             rows.append((KNOWN if group == "others" else group, engine, f"{of['succ']:.3f} [{low:.3f}, {high:.3f}]",
