@@ -187,11 +187,13 @@ def _hand_videos(source: Path, settings: Settings, digest: Callable[[Path], str]
 
 
 def _meshes(source: Path, digest: Callable[[Path], str], suffix: str = "") -> tuple[Origin, Source]:
-    """Objects of a folder of meshes, or of one mesh file; `suffix` of the name of the run."""
+    """Objects of a folder of meshes, of one mesh file, or of UniDexGrasp's assets; `suffix` of the name of the run."""
+    from afford.surface.meshes import unidexgrasp
     from afford.surface.meshes.discover import discover as find
 
     try:
-        found = find(source, digest)
+        assets = unidexgrasp.find_assets(source)
+        found = unidexgrasp.discover(source, assets, digest) if assets else find(source, digest)
     except ValueError as error:
         raise _refusal(source, error) from error
     refused = tuple(Refused(one.name, one.reason) for one in found.refused)

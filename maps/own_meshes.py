@@ -6,7 +6,9 @@ Targets: `grasp` with --source; `grasp-adapt`, in which the policy is also adapt
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
+from afford.surface.meshes.unidexgrasp import lists_poses
 from maps import grasping, surface
 from maps.bodies import Bodies, body_policies, evaluate_bodies, of_last_policy
 from maps.common import record_run, reported, shipped
@@ -28,16 +30,24 @@ TRIED = "tried"
 def add_bodies(g: Graph, origin: Origin, hand: HandModel, p: Settings) -> tuple[Bodies, PartDescriptions]:
     """Find the parts and N_t of the user's meshes, and turn them into bodies with tasks; also the descriptions of their parts."""
     scorer = shipped(g, p, "scorer_train")
-    read = surface.read_meshes(g, origin, p)
+    files = surface.mesh_files(g, origin)
+    read = surface.read_meshes(g, files, p)
     x = surface.add_meshes(g, read, p)
     scorer = surface.train_scorer(g, p).files(g) if scorer is None else scorer
     seen = surface.add_affordance(g, x, scorer, p)
     parts = g.add(part_segment.run, mesh=x.mesh, parts=x.parts, views=x.views, candidates=x.candidates, descriptions=seen.notes,
                   scores=seen.fit, params=p.surface.part_segment)  # fmt: skip
+    listed = {"files": files} if any(lists_poses(one) for one in origin.meshes) else {}
     made = g.add(body_tasks.run, hand=hand, mesh=x.mesh, parts=parts, report=g.pick(read, lambda r: r.report),
-                 descriptions=seen.notes, found=seen.found, params=p.grasping.body_tasks)  # fmt: skip
+                 descriptions=seen.notes, found=seen.found, params=p.grasping.body_tasks, **listed)  # fmt: skip
     names = g.leaf("mesh_names", tuple(FileTree(one.name, ()) for one in origin.meshes))
     return Bodies(names, made, g.add(body_list.run, body=made, params=body_list.Params())), seen.notes
+
+
+def as_listed(origin: Origin, p: Settings) -> Settings:
+    """Settings in which objects whose poses are listed stay in them."""
+    listed = any(lists_poses(one) for one in origin.meshes)
+    return p.with_stages(body_choose=replace(p.grasping.body_choose, turned=False)) if listed else p
 
 
 def choose_places(g: Graph, hand: HandModel, bodies: Bodies, described: PartDescriptions, policy: FileTree,
@@ -98,7 +108,7 @@ def grasp_meshes(g: Graph, origin: Origin, p: Settings) -> None:
     """Grasps of the user's meshes by the shipped policy of bodies, as it is and at tried places, in both engines."""
     hand, policies = body_policies(g, p)
     found, described = add_bodies(g, origin, hand, p)
-    tried = choose_places(g, hand, found, described, list(policies.values())[-1], p)
+    tried = choose_places(g, hand, found, described, list(policies.values())[-1], as_listed(origin, p))
     report_bodies(g, "grasp", hand, found, tried, evaluate_tried(g, hand, found, tried, policies, p), p)
 
 
@@ -107,7 +117,7 @@ def grasp_adapt(g: Graph, origin: Origin, p: Settings) -> None:
     hand, policies = body_policies(g, p)
     last = list(policies.values())[-1]
     found, described = add_bodies(g, origin, hand, p)
-    tried = choose_places(g, hand, found, described, last, p)
+    tried = choose_places(g, hand, found, described, last, as_listed(origin, p))
     before = evaluate_tried(g, hand, found, tried, policies, p)
     adapted, curves = adapt_bodies(g, hand, tried, last, p)
     after = evaluate_bodies(g, hand, tried, {"adapted": adapted}, p)

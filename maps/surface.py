@@ -59,9 +59,13 @@ def add_views(g: Graph, of: str, spec: ObjectSpec, seen: view_render.Params, p: 
     return ObjectHandles(mesh, parts, views, masks, (views, masks))
 
 
-def read_meshes(g: Graph, origin: Origin, p: Settings) -> ReadMesh:
+def mesh_files(g: Graph, origin: Origin) -> FileTree:
+    """Files of each of the user's meshes."""
+    return g.each(g.leaf("meshes", origin.meshes))
+
+
+def read_meshes(g: Graph, files: FileTree, p: Settings) -> ReadMesh:
     """Read the user's meshes."""
-    files   = g.each(g.leaf("meshes", origin.meshes))
     return g.add(mesh_read.run,             files=files,
                  params=replace(p.surface.mesh_read, categories=category_words()))
 
@@ -141,7 +145,7 @@ def score_objects(g: Graph, origin: Origin, scorer: FileTree, p: Settings) -> tu
     """Negative affordance of objects with a scorer: files of each, recordings, the report, and its recording."""
     known: dict[str, ObjectSpec] = {}
     if origin.meshes:
-        x = add_meshes(g, read_meshes(g, origin, p), p)
+        x = add_meshes(g, read_meshes(g, mesh_files(g, origin), p), p)
     else:
         plan = replace(p.synthetic.object_plan, splits=("seen", "unseen"))
         known["spec"], x = add_objects(g, "object", plan, p.surface.view_render, p)

@@ -31,6 +31,8 @@ class Params:
 
     options: int = 16
     """places that are tried for each task, at most; 1 keeps the place that the shape suggests"""
+    turned: bool = True
+    """try all stable poses; false: the body stays as it was laid"""
     finalists: int = 4
     """places other than that which are tried in all engines, at most"""
     episodes: int = 3

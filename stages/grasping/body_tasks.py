@@ -1,11 +1,12 @@
 """a mesh of the user, its parts and its negative affordance -> the tasks that a hand can do with it, and reasons for the others.
 
-Reads   HandModel; ObjectMesh, MeshParts and MeshReport; PartDescriptions and NegativeAffordances of the mesh
+Reads   HandModel; ObjectMesh, MeshParts and MeshReport; PartDescriptions and NegativeAffordances of the mesh; for an object of
+        UniDexGrasp, the files of its grasps
 Writes  BodyTasks: GraspTasks with predicted N_t, each with its body in the pose in which it is laid; refusals and assumptions, one
         sentence each
 Method  convex pieces of the shape, mass by density (as object_solids), of vessels by their walls; each description is a use; the
         stable pose with the best place of a grasp family (afford/grasping/env/families.py) is taken, if the body rests there in
-        MuJoCo
+        MuJoCo; UniDexGrasp's objects are laid as their grasps are, where there are some
 Fails   never for a bad mesh: it has no tasks and a reason; ValueError for numbers out of range
 Paper   AffordDex grasps objects of UniDexGrasp in the poses in which they fall; the choice of the pose is ours
 """
@@ -15,6 +16,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 
 from schemas.bodies import BodyTasks
+from schemas.files import FileTree
 from schemas.hand import HandModel
 from schemas.mesh import MeshParts, MeshReport, ObjectMesh
 from schemas.surface import NegativeAffordances, PartDescriptions
@@ -53,12 +55,14 @@ class Params:
 
 
 def run(hand: HandModel, mesh: ObjectMesh, parts: MeshParts, report: MeshReport, descriptions: PartDescriptions,
-        found: NegativeAffordances, params: Params) -> BodyTasks:  # fmt: skip
-    """Derive the tasks of one mesh."""
+        found: NegativeAffordances, params: Params, files: FileTree | None = None) -> BodyTasks:  # fmt: skip
+    """Derive the tasks of one mesh; `files` are those of an object of UniDexGrasp, whose name ends in its size."""
     from afford.grasping.env.body_tasks import BodySettings, body_tasks
+    from afford.grasping.env.listed_rests import listed_turns
 
     low = [name for name in ("density_kg_m3", "tolerance_m", "hulls", "points", "most_kg", "turns") if getattr(params, name) <= 0]
     if low or params.hull_corners < 8:
         name = low[0] if low else "hull_corners"
         raise ValueError(f"body_tasks.{name}: expected {'above 0' if low else '8 or more'}, got {getattr(params, name)}")
-    return body_tasks(hand, mesh, parts, report, descriptions, found, BodySettings(**asdict(params)))
+    listed = listed_turns(files, int(files.name[-3:]) / 100) if files else None
+    return body_tasks(hand, mesh, parts, report, descriptions, found, BodySettings(**asdict(params)), listed)

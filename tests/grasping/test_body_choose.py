@@ -28,8 +28,8 @@ from tests.helpers.made_students import teacher
 MADE = tasks_of(stick())
 CUT, FREE = MADE.tasks
 TINY = body_choose.Params(options=3, finalists=1, episodes=1, iterations=10)
-SETTINGS = TrialSettings(options=9, finalists=2, episodes=1, enough=0.95, engines=("mujoco", "bullet"), iterations=10, rate_hz=240,
-                         seed=0, carry=True)  # fmt: skip
+SETTINGS = TrialSettings(options=9, turned=True, finalists=2, episodes=1, enough=0.95, engines=("mujoco", "bullet"),
+                         iterations=10, rate_hz=240, seed=0, carry=True)  # fmt: skip
 ROLES = (PartNote("blade", "the blade", "negative", "it cuts", 1.0, False),
          PartNote("handle", "the handle", "positive", "", 1.0, False))  # fmt: skip
 NOTES = PartDescriptions("stick", (PartDescription("stick", "knife", "cut", ROLES, "rules"),))
@@ -58,6 +58,12 @@ def test_options_are_one_use_at_different_places() -> None:
         assert np.linalg.norm(one.A_t[:, None] - one.N_t[None], axis=2).min() > 0.02
     assert all(one.hold != other.hold or not np.allclose(one.body.points, other.body.points, atol=2e-3)
                for one, other in combinations(found, 2))  # fmt: skip
+
+
+def test_a_body_that_stays_as_it_lies() -> None:
+    """Every option has the points of the first where nothing may be turned."""
+    found = place_options(CUT, ["handle"], 12, turned=False)
+    assert all(np.allclose(one.body.points, CUT.body.points, atol=1e-6) for one in found)
 
 
 def test_a_piece_is_a_part_of_its_own_within_the_held_part() -> None:

@@ -13,10 +13,11 @@ from pathlib import Path
 import numpy as np
 
 from afford.common.errors import SourceError
-from afford.grasping.motion import dexycb, keypoints, oakink2, oakink2_import, unidexgrasp
+from afford.grasping.env.listed_rests import listed_turns
+from afford.grasping.motion import dexycb, keypoints, oakink2, oakink2_import
 from afford.grasping.motion.skeleton import pose_hand
+from afford.surface.meshes.unidexgrasp import read_list
 from schemas.files import FileRef, FileTree
-from schemas.grasp import SPLITS
 from schemas.hand import HandMotion
 from tests.helpers.bombs import Bomb
 from tests.helpers.fuzzing import FuzzedReader
@@ -137,11 +138,17 @@ def read_annotation(path: Path) -> None:
     oakink2_import.convert(path, path.with_suffix(".npz"))
 
 
-def write_splits(folder: Path) -> Path:
-    """The three lists of UniDexGrasp."""
-    for split, names in zip(SPLITS, (("bottle-1a", "mug-2b"), ("bottle-3c",), ("sword-4d",)), strict=True):
-        (folder / f"{split}.yaml").write_text("# objects\n" + "".join(f"'core/{name}': [0.06, 0.1]\n" for name in names))
-    return folder / f"{SPLITS[0]}.yaml"
+def write_list(folder: Path) -> Path:
+    """One of the lists of UniDexGrasp."""
+    names = ("core/bottle-1a", "sem/Mug-2b", "core/bottle-3c", "sem/Sword-4d")
+    (folder / "train_set.yaml").write_text("# objects\n" + "".join(f"    '{name}':[0.06],\n" for name in names))
+    return folder / "train_set.yaml"
+
+
+def write_rest(folder: Path) -> Path:
+    """A grasp of UniDexGrasp."""
+    np.savez(folder / "00000.npz", qpos=np.zeros(22), scale=np.array(1 / 0.08), plane=np.array([0.0, 0.6, 0.8, 0.01]))
+    return folder / "00000.npz"
 
 
 def fuzzed(name: str, write: Callable[[Path], Path], read: Callable[[FileTree], object]) -> FuzzedReader:
@@ -157,24 +164,22 @@ READERS: list[FuzzedReader] = [
     fuzzed("OakInk2 sequence", partial(write_oakink2, ending="npz"), oakink2.read),
     fuzzed("OakInk2 program", partial(write_oakink2, ending="json"), oakink2.read),
     FuzzedReader("OakInk2 pickle", write_annotation, read_annotation, (SourceError,)),
-    fuzzed("UniDexGrasp list", write_splits, unidexgrasp.read),
+    FuzzedReader("UniDexGrasp list", write_list, read_list, (SourceError,)),
+    fuzzed("UniDexGrasp grasp", write_rest, lambda files: listed_turns(files, 0.08)),
 ]
 
 
-def large_npz(folder: Path) -> Path:
+def large_npz(folder: Path, name: str = "keypoints") -> Path:
     """A clip whose keypoints are 2.5 GB of zeros in 2 MiB."""
     head = io.BytesIO()
     np.lib.format.write_array_header_1_0(head, {"descr": "<f8", "fortran_order": False, "shape": (2_500_000, 125)})
     data = head.getvalue()
-    return zip_of(folder / "clip.npz", "keypoints.npy", data, 2_500_000_000, len(data) + 2_500_000_000)
+    return zip_of(folder / "clip.npz", f"{name}.npy", data, 2_500_000_000, len(data) + 2_500_000_000)
 
 
-def repeated_list(folder: Path) -> Path:
-    """A list of 60,000 objects, the last of which stands there twice."""
-    path = write_splits(folder)
-    lines = [f"'core/bottle-{k}': [0.06]\n" for k in range(60_000)]
-    path.write_text("".join([*lines, lines[-1]]))
-    return path
+def large_plane(folder: Path) -> Path:
+    """A grasp of UniDexGrasp with such an array."""
+    return large_npz(folder, "plane")
 
 
 def repeated_primitives(folder: Path) -> Path:
@@ -194,6 +199,6 @@ def read_clips(path: Path) -> tuple[HandMotion, ...]:
 
 BOMBS: list[Bomb] = [
     Bomb("npz of 2.5 GB in 2 MiB", large_npz, read_clips, (SourceError,)),
-    Bomb("list of 60,000 objects, the last twice", repeated_list, lambda path: unidexgrasp.read(folder_of(path)), (SourceError,)),
+    Bomb("grasp whose plane has 2.5 GB", large_plane, lambda path: listed_turns(folder_of(path), 0.08), (SourceError,)),
     Bomb("program of 2,000 long primitives", repeated_primitives, lambda path: oakink2.read(folder_of(path)), (SourceError,)),
 ]

@@ -52,13 +52,16 @@ class BodySettings:
 
 
 def body_tasks(hand: HandModel, mesh: ObjectMesh, parts: MeshParts, report: MeshReport, descriptions: PartDescriptions,
-               found: NegativeAffordances, settings: BodySettings) -> BodyTasks:  # fmt: skip
-    """Turn a mesh into the tasks that a hand can do with it; reasons for the other uses."""
+               found: NegativeAffordances, settings: BodySettings, listed: Turns | None = None) -> BodyTasks:  # fmt: skip
+    """Turn a mesh into the tasks that a hand can do with it; reasons for the other uses.
+
+    It is laid in one of the `listed` poses where there are any, else in a stable one.
+    """
     try:
         body = rigid_body(mesh, parts, settings)
     except ValueError as error:
         return BodyTasks(mesh.name, (), (), (str(error),), assumptions(report))
-    tasks, refused, turns = list[GraspTask](), list[str](), steady_turns(body)
+    tasks, refused, turns = list[GraspTask](), list[str](), listed or steady_turns(body)
     for one in descriptions.descriptions:
         try:
             task = with_predicted_negative(use_task(body, one), found)

@@ -39,16 +39,17 @@ class PlaceOption:
     """times the steadiness of the pose"""
 
 
-def place_options(task: GraspTask, parts: Sequence[str], most: int) -> list[GraspTask]:
+def place_options(task: GraspTask, parts: Sequence[str], most: int, turned: bool = True) -> list[GraspTask]:
     """Return the task as it is, then itself at other places of `parts`, best first; `most` in all.
 
-    A place on a piece of a part is on a part of its own, which is named after both. ValueError for a task without a place.
+    A place on a piece of a part is on a part of its own, which is named after both. The body is laid in any stable pose, or stays
+    in its own unless it may be `turned`. ValueError for a task without a place.
     """
     first = _option(task, Rotation.identity(), 1.0)
     if first is None:
         raise ValueError(f"{task.name}: expected a part that a hand can hold, got none")
     found = [first]
-    for one in sorted(_other_places(task, parts), key=lambda one: -one.fit):
+    for one in sorted(_other_places(task, parts, turned), key=lambda one: -one.fit):
         if len(found) < most and not any(_same(one, known) for known in found):
             found.append(one)
     return [task, *(_with_positive(one.task) for one in found[1:])]
@@ -64,10 +65,10 @@ def distinct_turns(turns: Turns) -> Turns:
     return kept
 
 
-def _other_places(task: GraspTask, parts: Sequence[str]) -> Iterator[PlaceOption]:
+def _other_places(task: GraspTask, parts: Sequence[str], turned: bool) -> Iterator[PlaceOption]:
     task = _own_arrays(task)
     wanted = [one for part in parts for one in (replace(task, hold=part), *_on_pieces(task, part))]
-    for turn, steady in distinct_turns(steady_turns(task.body)):
+    for turn, steady in distinct_turns(steady_turns(task.body)) if turned else [(Rotation.identity(), 1.0)]:
         made = (_option(laid(one, turn), turn, steady) for one in wanted)
         yield from (one for one in made if one is not None and one.fit >= LEAST_FIT * steady)
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from afford.common.files import empty_folder, tree, write_json
 from afford.common.statistics import wilson_interval
+from afford.surface.meshes.unidexgrasp import LISTS
 from schemas.bodies import BodyTasks
 from schemas.episodes import GraspEpisodes
 from schemas.files import FileTree
@@ -63,7 +64,8 @@ def write_report(name: str, meshes: Sequence[str], bodies: Sequence[BodyTasks], 
     unread = [one for one in meshes if one not in {body.name for body in bodies}]
     root = empty_folder(scratch / "report")
     write_json(root / "metrics.json", metrics(rows, len(meshes), len(unread) + sum(not body.tasks for body in bodies)))
-    lines = [HEAD, *_tables(rows), *_uses(bodies, runs), *_tried(bodies, tried), *_adapted(adapted), *_remarks(bodies, unread)]
+    lines = [HEAD, *_tables(rows), *_splits(rows), *_uses(bodies, runs), *_tried(bodies, tried), *_adapted(adapted),
+             *_remarks(bodies, unread)]  # fmt: skip
     (root / "report.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
     return tree(name, root)
 
@@ -110,6 +112,24 @@ def _tables(rows: Sequence[BodyRow]) -> Iterator[str]:
         AS = f"{np.mean(judged):.1f} ({len(judged)} objects)" if judged else "-"
         yield (f"| mean of {len(mine)} objects | {policy} | {engine} | {100 * np.mean([row.succ for row in mine]):.1f} | | | "
                f"{100 * np.mean([row.held for row in mine]):.1f} | {AS} | {' | '.join(map(str, counts))} |")
+
+
+def _splits(rows: Sequence[BodyRow]) -> Iterator[str]:
+    """Yield a table of the splits of UniDexGrasp, for objects of its lists."""
+    found = {(split, row.policy, row.engine): list[BodyRow]() for split in LISTS.values() for row in rows}
+    for row in rows:
+        for split in LISTS.values():
+            if row.name.startswith(f"{split}-"):
+                found[split, row.policy, row.engine].append(row)
+    if not any(found.values()):
+        return
+    head = "| split | policy | engine | objects | Succ % | held % | AS %, successes |"
+    yield from ("", "## By split", "", "Means over objects.", "", head, "|---|---|---|--:|--:|--:|--:|")
+    for (split, policy, engine), mine in found.items():
+        if mine:
+            judged = [row.as_pct for row in mine if np.isfinite(row.as_pct)]
+            yield (f"| {split} | {policy} | {engine} | {len(mine)} | {100 * np.mean([row.succ for row in mine]):.1f} | "
+                   f"{100 * np.mean([row.held for row in mine]):.1f} | {f'{np.mean(judged):.1f}' if judged else '-'} |")
 
 
 def _uses(bodies: Sequence[BodyTasks], runs: Sequence[GraspEpisodes]) -> Iterator[str]:

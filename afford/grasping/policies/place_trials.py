@@ -29,6 +29,7 @@ class TrialSettings:
     """Settings of body_choose."""
 
     options: int
+    turned: bool
     finalists: int
     episodes: int
     enough: float
@@ -59,7 +60,7 @@ def choose_places(hand: HandModel, body: BodyTasks, described: PartDescriptions,
     remarks = list[str]()
     for number, task in enumerate(body.tasks):
         held = [one.hold for one in held_tasks(task, notes[task.use])] if task.use in notes else [task.hold]
-        best = try_options(hand, place_options(task, held, s.options), policy, s)
+        best = try_options(hand, place_options(task, held, s.options, s.turned), policy, s)
         chosen.append(best.task)
         remarks += [_remark(best)] if best.number else []
         progress(number + 1, len(body.tasks))
