@@ -3,8 +3,8 @@
     PYTHONPATH=. python benchmarks/bench_twohands.py [--store DIR] [--trainings N] [--ablation [--rows ROW,ROW] [--seeds N]]
 
 Writes the results block of docs/twohands/results.md (training, benchmark and, with --ablation, the ablation), the table of the
-README and docs/pictures/twohands.jpg. Without --ablation the ablation's part is unchanged. All of them are generated. Cells are the
-mean and standard deviation over --trainings of different seeds; the pictures are those of seed 0.
+README and docs/pictures/twohands.jpg. Without --ablation the ablation's part is unchanged, with --trainings 0 the others are. Cells
+are the mean and standard deviation over --trainings of different seeds; the pictures are those of seed 0.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from benchmarks.pages import ROOT, into, make
 from stages.twohands import ablation_report, model_train
 
 SELF = Path(__file__).name
+PAGE = ROOT / "docs" / "twohands" / "results.md"
 METHODS = (("small", "model"), ("small_text_removed", "model, no prompt"),
            ("small_text_shuffled", "model, wrong prompt"), ("whole_object", "whole object (oracle)"),
            ("object_box", "object box (oracle)"), ("class_mean", "mean of the class"), ("centre", "centre"))  # fmt: skip
@@ -80,23 +81,28 @@ def main() -> None:
     parser.add_argument("--rows", default=",".join(ablation_report.Params.rows))
     parser.add_argument("--seeds", type=int, default=ablation_report.Params.seeds)
     asked = parser.parse_args()
-    page, readme = ROOT / "docs" / "twohands" / "results.md", ROOT / "README.md"
-    trained = make("train", asked.store)
+    if asked.trainings:
+        measure(asked.store, asked.trainings)
+    if asked.ablation:
+        plan = ("--set", f"ablation_report.rows={asked.rows}", "--set", f"ablation_report.seeds={asked.seeds}")
+        report = Path(make("ablation", asked.store, *plan)["outputs"]["report"])
+        into(PAGE, "ablation", SELF, trained_for() + (report / "ablation.md").read_text().partition("\n\n")[2])
+
+
+def measure(store: str | None, count: int) -> None:
+    """Train and measure `count` models; write their tables, and the pictures of seed 0."""
+    readme, trained = ROOT / "README.md", make("train", store)
     if trained["ran"].get("model_train"):
         stills = "its stills included" if trained["ran"].get("still_render") else "its stills made before"
-        into(page, "training", SELF, f"`make train` took {trained['seconds'] / 60:.1f} minutes on this machine, {stills}.\n")
-    reports = {seed: make("benchmark", asked.store, "--set", f"model_train.seed={seed}")
-               for seed in reversed(range(asked.trainings))}  # what is published in the end is of seed 0
-    found = [reports[seed]["metrics"] for seed in range(asked.trainings)]
-    into(page, "benchmark", SELF, benchmark_text(found))
+        into(PAGE, "training", SELF, f"`make train` took {trained['seconds'] / 60:.1f} minutes on this machine, {stills}.\n")
+    reports = {seed: make("benchmark", store, "--set", f"model_train.seed={seed}")
+               for seed in reversed(range(count))}  # what is published in the end is of seed 0
+    found = [reports[seed]["metrics"] for seed in range(count)]
+    into(PAGE, "benchmark", SELF, benchmark_text(found))
     cases = f"{trainings(len(found))}, {found[0]['small.cases']:.0f} cases:"
     into(readme, "twohands", SELF, f"{cases}\n\n{table(found, '')}")
     sheet = Path(reports[0]["outputs"]["report"]) / "sheets" / "small_cropped.jpg"
     shutil.copyfile(sheet, ROOT / "docs" / "pictures" / "twohands.jpg")
-    if asked.ablation:
-        plan = ("--set", f"ablation_report.rows={asked.rows}", "--set", f"ablation_report.seeds={asked.seeds}")
-        report = Path(make("ablation", asked.store, *plan)["outputs"]["report"])
-        into(page, "ablation", SELF, trained_for() + (report / "ablation.md").read_text().partition("\n\n")[2])
 
 
 if __name__ == "__main__":
