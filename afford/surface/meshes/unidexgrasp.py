@@ -63,11 +63,12 @@ class Assets(NamedTuple):
 
 
 def find_assets(source: Path) -> Assets | None:
-    """Find the assets of a source: a folder with the meshes, in it or in its `assets`, or one of the lists; None for another."""
+    """Find the assets of a source: a folder with that of the meshes, or with `assets`, or one of the lists; None for another."""
     if source.is_file():
         above = source.resolve().parents[:UP] if source.name in LISTS else ()
         roots = (folder / inner for folder in above for inner in (".", "assets"))
         return next((Assets(root.resolve(), (source,)) for root in roots if (root / MESHES).is_dir()), None)
+    source = source.resolve().parent if source.resolve().name == MESHES else source
     root = next((source / inner for inner in (".", "assets") if (source / inner / MESHES).is_dir()), None)
     if root is None:
         return None
