@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from afford.surface.meshes.unidexgrasp import lists_poses
 from maps import grasping, surface
 from maps.bodies import Bodies, body_policies, evaluate_bodies, of_last_policy
 from maps.common import record_run, reported, shipped
@@ -37,17 +36,21 @@ def add_bodies(g: Graph, origin: Origin, hand: HandModel, p: Settings) -> tuple[
     seen = surface.add_affordance(g, x, scorer, p)
     parts = g.add(part_segment.run, mesh=x.mesh, parts=x.parts, views=x.views, candidates=x.candidates, descriptions=seen.notes,
                   scores=seen.fit, params=p.surface.part_segment)  # fmt: skip
-    listed = {"files": files} if any(lists_poses(one) for one in origin.meshes) else {}
+    listed = {"files": files} if poses_listed(origin) else {}
     made = g.add(body_tasks.run, hand=hand, mesh=x.mesh, parts=parts, report=g.pick(read, lambda r: r.report),
                  descriptions=seen.notes, found=seen.found, params=p.grasping.body_tasks, **listed)  # fmt: skip
     names = g.leaf("mesh_names", tuple(FileTree(one.name, ()) for one in origin.meshes))
     return Bodies(names, made, g.add(body_list.run, body=made, params=body_list.Params())), seen.notes
 
 
+def poses_listed(origin: Origin) -> bool:
+    """Test whether some meshes have grasps of UniDexGrasp beside them, which say how an object lies."""
+    return any(file.name.endswith(".npz") for one in origin.meshes for file in one.files)
+
+
 def as_listed(origin: Origin, p: Settings) -> Settings:
     """Settings in which objects whose poses are listed stay in them."""
-    listed = any(lists_poses(one) for one in origin.meshes)
-    return p.with_stages(body_choose=replace(p.grasping.body_choose, turned=False)) if listed else p
+    return p.with_stages(body_choose=replace(p.grasping.body_choose, turned=False)) if poses_listed(origin) else p
 
 
 def choose_places(g: Graph, hand: HandModel, bodies: Bodies, described: PartDescriptions, policy: FileTree,

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from afford.common.errors import SourceError
 from afford.common.files import tree
@@ -13,6 +14,7 @@ from afford.grasping.env.listed_rests import listed_turns
 from afford.surface.describe.household import category_words
 from afford.surface.meshes.mend import category_of
 from afford.surface.meshes.unidexgrasp import LISTS, discover, find_assets, read_list
+from afford.surface.meshes.unidexgrasp_poses import convert
 from commands.errors import UsageError
 from commands.origin import origin
 from maps.settings import Settings
@@ -90,6 +92,28 @@ def test_poses_are_those_of_the_grasps_in_the_size(tmp_path: Path) -> None:
     found = listed_turns(files, 0.08)
     assert [turn.apply(up).round(6).tolist() for (turn, _), up in zip(found, np.eye(3)[[2, 1]], strict=True)] == [[0, 0, 1]] * 2
     assert listed_turns(files, 0.1) == []
+
+
+def test_the_pickle_of_all_poses_gives_the_same(tmp_path: Path) -> None:
+    """Angles of the pickle are the tables of the grasps, whatever their yaw; what it asks to run is not run."""
+    turns = Rotation.random(5, rng=1)
+    angles = turns.as_euler("xyz")[:, :2]
+    poses = {"object_euler_xy": list(angles), "object_init_z": np.full((5, 1), 0.02), "target_qpos": np.zeros((5, 22))}
+    np.save(tmp_path / "poses.npy", np.array({BOTTLE: {0.08: poses}}, dtype=object))
+    assert convert(tmp_path / "poses.npy", tmp_path) == 1
+    found = listed_turns(tree("grasps", tmp_path / "datasetv4.1" / BOTTLE), 0.08)
+    ups = [turn.inv().apply([0, 0, 1]) for turn, _ in found]
+    wanted = turns.inv().apply([0, 0, 1])
+    assert len(ups) == 5 and all(np.abs(wanted @ up).max() == pytest.approx(1, abs=1e-6) for up in ups)
+    np.save(tmp_path / "bad.npy", np.array({BOTTLE: {0.08: Path("x")}}, dtype=object))
+    with pytest.raises(SourceError, match="which was not run"):
+        convert(tmp_path / "bad.npy", tmp_path)
+    np.save(tmp_path / "other.npy", np.zeros(3))
+    with pytest.raises(SourceError, match=r"an array \(3,\) of float64"):
+        convert(tmp_path / "other.npy", tmp_path)
+    np.save(tmp_path / "escape.npy", np.array({"../../x": {}}, dtype=object))
+    with pytest.raises(SourceError, match=r"code '\.\./\.\./x'"):
+        convert(tmp_path / "escape.npy", tmp_path)
 
 
 @pytest.mark.parametrize("plane", [(0.0, 0.0, 0.0, 0.0), (0.0, 0.0, float("nan"), 0.0), (0.0, 0.0, 1.0)], ids=str)

@@ -1,7 +1,7 @@
 """Poses in which UniDexGrasp lays an object: the tables of its grasps.
 
-A grasp file has `plane` (4,), the table as A x + B y + C z + D = 0 in the frame of the mesh, in metres, with (A, B, C) upwards, and
-`scale`, one over the size of the object. Its hand poses are pickled and not read.
+A grasp file has `plane` (4,), or (k, 4) where it was converted from the file of all poses: tables A x + B y + C z + D = 0 in the
+frame of the mesh, in metres, with (A, B, C) upwards; and `scale`, one over the size. Hand poses are pickled and not read.
 """
 
 from __future__ import annotations
@@ -29,23 +29,23 @@ def listed_turns(files: FileTree, size: float) -> Turns:
     """
     ups = list[np.ndarray]()
     for file in files.files:
-        up = _up(file, size) if file.name.endswith(GRASP) else None
-        if up is not None and not any(up @ other > SAME for other in ups):
-            ups.append(up)
+        for up in _ups(file, size) if file.name.endswith(GRASP) else ():
+            if not any(up @ other > SAME for other in ups):
+                ups.append(up)
     return [(Rotation.align_vectors([[0.0, 0.0, 1.0]], [up])[0], 1.0) for up in ups]
 
 
-def _up(file: FileRef, size: float) -> np.ndarray | None:
-    """Upward axis (3,) of a grasp; None for another size, or a table far below the object."""
+def _ups(file: FileRef, size: float) -> np.ndarray:
+    """Upward axes (k, 3) of a file; none for another size, or for a table far below the object."""
     found = load_npz(file.path, file.name, lambda key: key in FIELDS)
-    plane, scale = (np.asarray(found.get(name, np.nan), np.float64).ravel() for name in FIELDS)
-    if plane.shape != (4,) or scale.shape != (1,) or not np.isfinite([*plane, *scale]).all() or scale[0] <= 0:
-        raise SourceError(file.name, "plane of 4 numbers and one scale above 0", f"plane {plane.shape} and scale {scale.tolist()}",
+    plane, scale = (np.asarray(found.get(name, np.nan), np.float64) for name in FIELDS)
+    plane = np.atleast_2d(plane)
+    if plane.shape[1:] != (4,) or scale.size != 1 or not np.isfinite([*plane.ravel(), *scale.ravel()]).all() or scale.min() <= 0:
+        raise SourceError(file.name, "planes of 4 numbers and one scale above 0", f"plane {plane.shape} and scale {scale.tolist()}",
                           "get the file again")  # fmt: skip
-    length = float(np.linalg.norm(plane[:3]))
-    if not 0.9 < length < 1.1:
-        raise SourceError(file.name, "a plane whose normal has length 1", f"{length:.3g}", "get the file again")
-    if abs(1 / scale[0] - size) > 0.005 or plane[3] > HIGH_M:
-        return None
-    up: np.ndarray = plane[:3] / length
-    return up
+    length = np.linalg.norm(plane[:, :3], axis=1, keepdims=True)
+    if not ((length > 0.9) & (length < 1.1)).all():
+        raise SourceError(file.name, "planes whose normals have length 1", f"{length.min():.3g}", "get the file again")
+    fits = (np.abs(1 / scale.ravel() - size) < 0.005) & (plane[:, 3] <= HIGH_M)
+    ups: np.ndarray = (plane[:, :3] / length)[fits]
+    return ups

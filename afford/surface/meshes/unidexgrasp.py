@@ -94,11 +94,6 @@ def discover(source: Path, assets: Assets, digest: Digest) -> MeshFolder:
     return MeshFolder(source.resolve().stem, objects, tuple(one for one in refused if one is not None))
 
 
-def lists_poses(files: FileTree) -> bool:
-    """Test whether an object has grasps, which say how it lies."""
-    return any(file.name.endswith(GRASP) for file in files.files)
-
-
 def read_list(path: Path) -> GraspObjects:
     """Read one list, each object and size once; SourceError, one sentence, for a line that cannot be read."""
     out = set[tuple[str, float]]()
