@@ -1,11 +1,12 @@
 """Discover UniDexGrasp's objects: scaled meshes, the grasps that say how an object lies, and three lists of objects and sizes.
 
     ASSETS/meshdatav3_scaled/<set>/<Category>-<hash>/coacd/decomposed_008.obj    mesh of the size 0.08, in metres
-    ASSETS/datasetv4.1/<set>/<Category>-<hash>/00000.npz                         grasps, each on a table (rests.py)
+    ASSETS/datasetv4.1/<set>/<Category>-<hash>/00000.npz                         grasps, each on a table
     train_set.yaml, test_set_seen_cat.yaml, test_set_unseen_cat.yaml             lines 'set/Category-hash':[0.08],
 
-The lists are in the folder `dexgrasp/cfg` beside the assets. A size may be listed twice, and an object in two splits in different
-sizes. Lists of results have a second bracket with the success rate. Layout and lists: github.com/PKU-EPIC/UniDexGrasp at 36c9bfc.
+What is read of a grasp: afford/grasping/env/listed_rests.py. The lists are in the folder `dexgrasp/cfg` beside the assets. A size
+may be listed twice, and an object in two splits in different sizes. Lists of results have a second bracket with the success rate.
+Layout and lists: github.com/PKU-EPIC/UniDexGrasp at 36c9bfc.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ PLACES = (".", "cfg", "dexgrasp/cfg", "../dexgrasp/cfg")
 """folders that may have the lists, from the source"""
 UP = 4
 """folders above a list among which the assets are"""
-LINE = re.compile(r"""^(['"]?)(?P<code>\w+/[\w.-]+)\1\s*:\s*\[(?P<scales>[^\]]+)\]\s*(,\s*\[[^\]]*\]\s*)?,?$""")
+LINE = re.compile(r"""^(['"]?)(?P<code>\w+/\w[\w.-]*)\1\s*:\s*\[(?P<scales>[^\]]+)\]\s*(,\s*\[[^\]]*\]\s*)?,?$""")
 SCALES = (0.01, 1.0)
 GRASP = ".npz"
 MESH = re.compile(r"decomposed_(\d{3})\.obj")

@@ -28,7 +28,7 @@ PROJECT = Path(__file__).resolve().parents[3]
 LIMIT_S = 1800
 LIMIT_BYTES = 16 << 30
 """of memory for the pickle"""
-CODE = re.compile(r"\w+/[\w.-]+")
+CODE = re.compile(r"\w+/\w[\w.-]*")
 Poses = Iterator[tuple[str, float, np.ndarray]]
 
 
