@@ -11,6 +11,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
@@ -206,8 +207,12 @@ def test_a_model_that_fails_is_not_hidden(model: Path, capfd: pytest.CaptureFixt
     with Site("127.0.0.1", 0, broken, {}, []) as site:
         threading.Thread(target=site.serve_forever, daemon=True).start()
         refused = predict(site, b"")
+        seen, ends = "", time.monotonic() + 10  # the thread of the visitor prints after it has answered
+        while "out of paper" not in seen and time.monotonic() < ends:
+            time.sleep(0.01)
+            seen += capfd.readouterr().err
         site.shutdown()
-    assert refused.status == 500 and "terminal" in refused.json["error"] and "out of paper" in capfd.readouterr().err
+    assert refused.status == 500 and "terminal" in refused.json["error"] and "out of paper" in seen
 
 
 # -- examples and the verb ---------------------------------------------------------------------------------------------
