@@ -16,10 +16,11 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
+from afford.common.apart import PROJECT
 from afford.common.errors import SourceError
 from afford.common.unpickle import RefusedError, load_plain
 from afford.grasping.motion import oakink2
-from afford.grasping.motion.oakink2_import import PROJECT, convert, convert_all
+from afford.grasping.motion.oakink2_import import convert, convert_all
 from stages.grasping import motion_read
 from tests.helpers.made_motions import oakink2_root, pretend_mano, tree
 

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from afford.common.errors import SourceError
 from afford.common.files import tree
 from afford.grasping.env.listed_rests import listed_turns
+from afford.grasping.evaluate.body_report import BodyRow, _splits
 from afford.surface.describe.household import category_words
 from afford.surface.meshes.mend import category_of
 from afford.surface.meshes.unidexgrasp import LISTS, discover, find_assets, read_list
@@ -104,7 +105,7 @@ def test_the_pickle_of_all_poses_gives_the_same(tmp_path: Path) -> None:
     found = listed_turns(tree("grasps", tmp_path / "datasetv4.1" / BOTTLE), 0.08)
     ups = [turn.inv().apply([0, 0, 1]) for turn, _ in found]
     wanted = turns.inv().apply([0, 0, 1])
-    assert len(ups) == 5 and all(np.abs(wanted @ up).max() == pytest.approx(1, abs=1e-6) for up in ups)
+    assert len(ups) == 5 and all((wanted @ up).max() == pytest.approx(1, abs=1e-6) for up in ups)
     np.save(tmp_path / "bad.npy", np.array({BOTTLE: {0.08: Path("x")}}, dtype=object))
     with pytest.raises(SourceError, match="which was not run"):
         convert(tmp_path / "bad.npy", tmp_path)
@@ -121,6 +122,16 @@ def test_a_grasp_that_cannot_be_read(tmp_path: Path, plane: tuple[float, float, 
     write_grasp(tmp_path, CAR, 0, 0.08, plane)
     with pytest.raises(SourceError, match="get the file again"):
         listed_turns(tree("grasps", tmp_path / "datasetv4.1" / CAR), 0.08)
+
+
+def test_means_by_split() -> None:
+    """A row for each split, over its objects; none for objects of no list."""
+    found = ((BOTTLE_8, 1.0, 20.0), (BOTTLE_8.replace("008", "010"), 0.5, np.nan), (MUG_6, 0.0, np.nan), ("mug", 1.0, 0.0))
+    rows = [BodyRow(name, "bodies", "mujoco", succ, succ, AS, 1, 1, 4) for name, succ, AS in found]
+    lines = list(_splits(rows))
+    assert lines[-2:] == ["| train | bodies | mujoco | 2 | 75.0 | 75.0 | 20.0 |",
+                          "| unseen_categories | bodies | mujoco | 1 | 0.0 | 0.0 | - |"]  # fmt: skip
+    assert list(_splits(rows[-1:])) == []
 
 
 def test_the_graph_lays_objects_as_listed(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import product
 from pathlib import Path
 from typing import NamedTuple
 
@@ -116,20 +117,18 @@ def _tables(rows: Sequence[BodyRow]) -> Iterator[str]:
 
 def _splits(rows: Sequence[BodyRow]) -> Iterator[str]:
     """Yield a table of the splits of UniDexGrasp, for objects of its lists."""
-    found = {(split, row.policy, row.engine): list[BodyRow]() for split in LISTS.values() for row in rows}
-    for row in rows:
-        for split in LISTS.values():
-            if row.name.startswith(f"{split}-"):
-                found[split, row.policy, row.engine].append(row)
-    if not any(found.values()):
+    found = dict[tuple[str, str, str], list[BodyRow]]()
+    for split, row in product(LISTS.values(), rows):
+        if row.name.startswith(f"{split}-"):
+            found.setdefault((split, row.policy, row.engine), []).append(row)
+    if not found:
         return
     head = "| split | policy | engine | objects | Succ % | held % | AS %, successes |"
     yield from ("", "## By split", "", "Means over objects.", "", head, "|---|---|---|--:|--:|--:|--:|")
     for (split, policy, engine), mine in found.items():
-        if mine:
-            judged = [row.as_pct for row in mine if np.isfinite(row.as_pct)]
-            yield (f"| {split} | {policy} | {engine} | {len(mine)} | {100 * np.mean([row.succ for row in mine]):.1f} | "
-                   f"{100 * np.mean([row.held for row in mine]):.1f} | {f'{np.mean(judged):.1f}' if judged else '-'} |")
+        judged = [row.as_pct for row in mine if np.isfinite(row.as_pct)]
+        yield (f"| {split} | {policy} | {engine} | {len(mine)} | {100 * np.mean([row.succ for row in mine]):.1f} | "
+               f"{100 * np.mean([row.held for row in mine]):.1f} | {f'{np.mean(judged):.1f}' if judged else '-'} |")
 
 
 def _uses(bodies: Sequence[BodyTasks], runs: Sequence[GraspEpisodes]) -> Iterator[str]:

@@ -8,19 +8,18 @@ an allow list (afford/common/unpickle.py). Written after the data set's toolkit 
 
 from __future__ import annotations
 
-import resource
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from afford.common.apart import main_apart, run_apart, work_apart
 from afford.common.errors import SourceError
-from afford.common.unpickle import RefusedError, load_plain
+from afford.common.unpickle import load_plain
 
-PROJECT = Path(__file__).resolve().parents[3]
+MODULE = "afford.grasping.motion.oakink2_import"
 FIX = "get the file from the data set's own page"
 SIDES = {"right": "rh", "left": "lh"}
 SHAPES = {"pose_coeffs": (16, 4), "tsl": (3,), "betas": (10,)}
@@ -46,14 +45,7 @@ def convert_all(root: Path, out: Path) -> list[str]:
 
 def convert(path: Path, out: Path) -> None:
     """Convert one pickle in a separate process; SourceError names the fault."""
-    command = [sys.executable, "-m", "afford.grasping.motion.oakink2_import", "--one", str(path.resolve()), str(out.resolve())]
-    try:
-        done = subprocess.run(command, cwd=PROJECT, capture_output=True, text=True, errors="replace", timeout=LIMIT_S)
-        got = (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[-1]
-    except subprocess.TimeoutExpired as error:
-        raise SourceError(path.name, f"an annotation that is read in {LIMIT_S} s", "a longer one", FIX) from error
-    if done.returncode != 0:
-        raise SourceError(path.name, "an annotation of OakInk2 made of numbers, text and arrays", got, FIX)
+    run_apart(MODULE, (path, out), "an annotation of OakInk2 made of numbers, text and arrays", LIMIT_S, FIX)
 
 
 def arrays(anno: Any) -> dict[str, np.ndarray]:
@@ -74,31 +66,15 @@ def arrays(anno: Any) -> dict[str, np.ndarray]:
 
 def main(arguments: list[str]) -> int:
     """Run the conversion; exit code 1, with one line on stderr, when a file cannot be used."""
-    if len(arguments) == 3 and arguments[0] == "--one":
-        return _one(Path(arguments[1]), Path(arguments[2]))
-    if len(arguments) != 2:
-        sys.stderr.write(__doc__ or "")
-        return 2
-    try:
-        sys.stdout.write("\n".join(convert_all(Path(arguments[0]), Path(arguments[1]))) + "\n")
-    except SourceError as error:
-        sys.stderr.write(f"{error}\n")
-        return 1
-    return 0
+    return main_apart(arguments, __doc__, lambda root, out: "\n".join(convert_all(root, out)), _one)
 
 
 def _one(path: Path, out: Path) -> int:
-    resource.setrlimit(resource.RLIMIT_DATA, (LIMIT_BYTES, LIMIT_BYTES))
-    try:
-        found = arrays(load_plain(path))
-    except RefusedError as error:
-        sys.stderr.write(f"{error}, which was not run\n")
-        return 1
-    except (LookupError, TypeError, ValueError, AttributeError, OverflowError, MemoryError) as error:
-        sys.stderr.write(f"no {error} where the description has it\n")
-        return 1
-    np.savez(out, **found)  # type: ignore[arg-type]  # names of arrays, none is allow_pickle
-    return 0
+    def work() -> str:
+        np.savez(out, **arrays(load_plain(path)))  # type: ignore[arg-type]  # names of arrays, none is allow_pickle
+        return out.name
+
+    return work_apart(work, LIMIT_BYTES)
 
 
 if __name__ == "__main__":

@@ -10,8 +10,6 @@ The pickle is a dict of codes, scales and arrays, of which `object_euler_xy` (n,
 from __future__ import annotations
 
 import re
-import resource
-import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -20,11 +18,11 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from afford.common.errors import SourceError
+from afford.common.apart import main_apart, run_apart, work_apart
 from afford.common.unpickle import MAX_PLAIN_OPCODES, PLAIN_FUNCTIONS, RefusedError, SafeUnpickler, plain
 from afford.surface.meshes.unidexgrasp import GRASPS
 
-PROJECT = Path(__file__).resolve().parents[3]
+MODULE = "afford.surface.meshes.unidexgrasp_poses"
 LIMIT_S = 1800
 LIMIT_BYTES = 16 << 30
 """of memory for the pickle"""
@@ -34,15 +32,7 @@ Poses = Iterator[tuple[str, float, np.ndarray]]
 
 def convert(path: Path, assets: Path) -> int:
     """Convert the file in a separate process; the number of objects and sizes. SourceError names the fault."""
-    command = [sys.executable, "-m", "afford.surface.meshes.unidexgrasp_poses", "--one", str(path.resolve()), str(assets.resolve())]
-    try:
-        done = subprocess.run(command, cwd=PROJECT, capture_output=True, text=True, errors="replace", timeout=LIMIT_S)
-        got = (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[-1]
-    except subprocess.TimeoutExpired as error:
-        raise SourceError(path.name, f"poses that are read in {LIMIT_S} s", "a longer file", "get it again") from error
-    if done.returncode != 0:
-        raise SourceError(path.name, "a dict of codes, scales, and arrays of poses", got, "get the file again")
-    return int(done.stdout)
+    return int(run_apart(MODULE, (path, assets), "a dict of codes, scales, and arrays of poses", LIMIT_S, "get the file again"))
 
 
 def read_poses(path: Path) -> Any:
@@ -74,36 +64,23 @@ def planes(poses: Any) -> Poses:
 
 def main(arguments: list[str]) -> int:
     """Run the conversion; exit code 1, with one line on stderr, when the file cannot be used."""
-    if len(arguments) == 3 and arguments[0] == "--one":
-        return _one(Path(arguments[1]), Path(arguments[2]))
-    if len(arguments) != 2:
-        sys.stderr.write(__doc__ or "")
-        return 2
-    try:
-        sys.stdout.write(f"{convert(Path(arguments[0]), Path(arguments[1]))} objects and sizes\n")
-    except SourceError as error:
-        sys.stderr.write(f"{error}\n")
-        return 1
-    return 0
+    return main_apart(arguments, __doc__, lambda path, assets: f"{convert(path, assets)} objects and sizes", _one)
 
 
 def _one(path: Path, assets: Path) -> int:
-    resource.setrlimit(resource.RLIMIT_DATA, (LIMIT_BYTES, LIMIT_BYTES))
-    count = 0
-    try:
-        for code, scale, tables in planes(read_poses(path)):
-            folder = assets / GRASPS / code
-            folder.mkdir(parents=True, exist_ok=True)
-            np.savez(folder / f"poses_{round(100 * scale):03d}.npz", plane=tables, scale=np.array(1 / scale))
-            count += 1
-    except RefusedError as error:
-        sys.stderr.write(f"{error}, which was not run\n")
-        return 1
-    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, MemoryError) as error:
-        sys.stderr.write(f"no {error} where the layout has it\n")
-        return 1
-    sys.stdout.write(f"{count}\n")
-    return 0
+    return work_apart(lambda: write(assets, list(planes(read_poses(path)))), LIMIT_BYTES)
+
+
+def write(assets: Path, found: list[tuple[str, float, np.ndarray]]) -> int:
+    """Write the files of all objects and sizes, each whole or not at all; their number."""
+    for code, scale, tables in found:
+        folder = assets / GRASPS / code
+        folder.mkdir(parents=True, exist_ok=True)
+        part = folder / "poses.part"
+        with part.open("wb") as stream:
+            np.savez(stream, plane=tables, scale=np.array(1 / scale))
+        part.replace(folder / f"poses_{round(100 * scale):03d}.npz")
+    return len(found)
 
 
 if __name__ == "__main__":
