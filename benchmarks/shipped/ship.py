@@ -3,11 +3,11 @@
     python install/cycles.py                                     # once, for the two-hand model
     PYTHONPATH=. python benchmarks/shipped/ship.py [NAME ...] [--store DIR] [--photographs DIR]
     PYTHONPATH=. python benchmarks/shipped/ship.py --check       # name the models whose code has changed since; always exit code 0
-    PYTHONPATH=. python benchmarks/shipped/ship.py --calibrate DIR,...   # calibrate the shipped two-hand model on data sets
     PYTHONPATH=. python benchmarks/shipped/ship.py twohands --trained DIR --data DIR,... --where "a card, PyTorch N"
         # ship files of `model_train` that another machine trained by the recipe on these data sets
 
-Trainings are cached and resumable. Figures of the cards are written by benchmarks/shipped/score.py, out of the shipped files.
+Trainings are cached and resumable. A two-hand model is calibrated afterwards, by benchmarks/shipped/calibrate.py. Figures of the
+cards are written by benchmarks/shipped/score.py, out of the shipped files.
 """
 
 from __future__ import annotations
@@ -178,36 +178,6 @@ def write(name: str, recipe: Recipe, tree: FileTree, facts: dict[str, Any]) -> i
     return sum(path.stat().st_size for path in (FOLDER / name).rglob("*") if path.is_file())
 
 
-def calibrate(recipe: Recipe, folders: list[Path]) -> None:
-    """Set calibration and threshold of the shipped two-hand model by the split `val` of data sets; its weights stay."""
-    from afford.models.encoder_place import encoder_path
-    from afford.twohands.model.model_folder import config_json, load_model
-    from afford.twohands.train.job import calibrated_config
-    from stages.twohands.model_train import training_job
-
-    folder, data = FOLDER / "twohands", joined([tree("stills", one) for one in folders])
-    params = recipe.graph(file_digest, data).stages()[-1].params
-    job = training_job(replace(params, backbones=str(encoder_path())))
-    with TemporaryDirectory() as scratch:
-        job.prepare({file.name: file.path for file in data.files}, Path(scratch))
-        task = job.task(Path(scratch), 1)
-        task.model = load_model(folder)
-        with torch.inference_mode():
-            found = task.validate()
-    config = calibrated_config(task.model.config, found)
-    (folder / "config.json").write_text(config_json(config), encoding="utf-8")
-    line = (f"The threshold {config.threshold} and the calibration (slope and offset {config.calibration} of the logits of "
-            f"regions, temperature {config.temperature} of the taxonomy) were set by {len(task.validation) * job.batch} samples of "
-            f"the split val of rendered stills, `--calibrate` at commit `{head()}`.")
-    card = re.sub(r"The threshold [^\n]*\.", line, (folder / CARD).read_text(encoding="utf-8"), count=1)
-    (folder / CARD).write_text(card, encoding="utf-8")
-    record = read_record(folder)
-    record["files"] |= {name: file_digest(folder / name) for name in ("config.json", CARD)}
-    record["calibrated"] = {"commit": head(), "val": {file.name: file.digest for file in data.files if "val-" in file.name}}
-    (folder / RECORD).write_text(json.dumps(record, indent=1, sort_keys=True) + "\n", encoding="utf-8")
-    print(json.dumps(found, indent=1))
-
-
 def main() -> None:
     """Train what is asked for, or check all."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -215,7 +185,6 @@ def main() -> None:
     parser.add_argument("--store", type=Path)
     parser.add_argument("--photographs", type=lambda text: Path(text).absolute(), help="photographs of surfaces, for twohands")
     parser.add_argument("--check", action="store_true")
-    parser.add_argument("--calibrate", type=lambda text: [Path(one) for one in text.split(",")])
     parser.add_argument("--trained", type=Path)
     parser.add_argument("--data", type=lambda text: [Path(one) for one in text.split(",")], default=[])
     parser.add_argument("--where", default="another machine")
@@ -228,9 +197,6 @@ def main() -> None:
         return
     if subprocess.run(("git", "diff", "--quiet", "HEAD"), cwd=ROOT).returncode:
         raise SystemExit("commit first: a card names the commit that made its model")
-    if args.calibrate:
-        calibrate(RECIPES["twohands"], args.calibrate)
-        return
     if args.trained:
         files, facts = trained_elsewhere(RECIPES["twohands"], args.trained, args.data, args.where)
         print(f"twohands: {write('twohands', RECIPES['twohands'], files, facts) / 1e6:.1f} MB")

@@ -95,7 +95,7 @@ def test_the_saved_model_predicts(trained: Trained, tmp_path: Path) -> None:
     at = curves["val.slope"][0], curves["val.offset"][0]
     assert found.probability.shape == (2, 1, 50, 80)
     assert found.calibration == at
-    assert found.threshold == round(calibrated(curves["val.threshold"][0], at), 4)
+    assert predictor.model.config.threshold == round(calibrated(curves["val.threshold"][0], at), 4)
 
 
 def test_the_vocabulary_is_that_of_the_training_split(dataset: FileTree, trained: Trained) -> None:

@@ -2,7 +2,8 @@
 
 A prediction is averaged over the picture and its mirror image. Where the object fills little of the picture, the model runs a
 second time on the crop around the object: in a whole picture the small model finds the object, but hardly its parts. Only the whole
-picture shows the position of the object, and hence which hand is nearer, so the taxonomies of both runs are combined.
+picture shows the position of the object, and hence which hand is nearer, so the taxonomies of both runs are combined. A model with
+calibrated probabilities gets a threshold for each picture (`region_threshold`), another one keeps that of its validation.
 """
 
 from __future__ import annotations
@@ -21,10 +22,12 @@ from torch import Tensor, from_numpy
 from afford.common.masks import BORDER, Box, box
 from afford.common.text import swap_sides
 from afford.models.loading import one_thread
+from afford.twohands.model.calibration import IDENTITY
 from afford.twohands.model.hand_selection import hand_probabilities, select_hands
 from afford.twohands.model.interface import Batch, TwoHands
 from afford.twohands.model.letterbox import content_size, letterbox, to_tensor, unletterbox
 from afford.twohands.model.model_folder import load_model, locate_files, read_vocabulary
+from afford.twohands.model.region_threshold import region_threshold
 from afford.twohands.model.stand_ins import read_task
 from schemas.affordance import MIRRORED
 from schemas.benchmark import Prediction
@@ -140,8 +143,13 @@ class Predictor:
     def _select(self, task: str, raw: RawPrediction, hands: str) -> Prediction:
         selected = select_hands(raw.taxonomy, hands) & raw.said
         score = rank_scores(raw.score, bool(selected.all())).numpy()
+        cut = self._threshold(raw.probability[np.arange(2), score.argmax(axis=1)][selected])
+        return Prediction(task, raw.probability, score, raw.taxonomy, selected, cut, raw.answer, self.model.config.calibration)
+
+    def _threshold(self, regions: np.ndarray) -> float:
+        """Threshold of the regions (n, h, w) of the hands that act; the model's own without a hand, or without a calibration."""
         config = self.model.config
-        return Prediction(task, raw.probability, score, raw.taxonomy, selected, config.threshold, raw.answer, config.calibration)
+        return region_threshold(regions) if len(regions) and config.calibration != IDENTITY else config.threshold
 
 
 def rank_scores(score: Tensor, together: bool) -> Tensor:
