@@ -44,6 +44,7 @@ Changes = Mapping[str, Any]
 
 STILLS: Changes = {
     "train_plan.rooms": 2, "train_plan.val_rooms": 1, "train_plan.layouts": 1, "train_plan.views": 1, "train_plan.tasks": 3,
+    "shift_plan.rooms": 0,
     "still_render.width_px": 228, "still_render.height_px": 128, "still_render.supersample": 1}  # fmt: skip
 CASES: Changes = {"benchmark_plan.rooms": 1, "benchmark_plan.layouts": 2, "benchmark_plan.tasks": 3,
                   "still_render.width_px": 228, "still_render.height_px": 128, "still_render.supersample": 1}  # fmt: skip

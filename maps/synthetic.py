@@ -16,6 +16,7 @@ from stages.synthetic import (
     benchmark_plan,
     object_build,
     scene_render,
+    shift_plan,
     still_render,
     still_sample,
     tool_plan,
@@ -34,7 +35,10 @@ def videos(g: Graph, origin: Origin, p: Settings) -> RenderedClip:
 
 def stills_to_train(g: Graph, p: Settings) -> FileTree:
     """Add the training data set of rendered stills."""
-    spec    = g.each(g.add(train_plan.run,                                                           params=p.synthetic.train_plan))
+    rooms   = g.add(train_plan.run,                                                                  params=p.synthetic.train_plan)
+    if p.synthetic.shift_plan.rooms:
+        rooms = g.add(shift_plan.run, rooms=rooms,                                                   params=p.synthetic.shift_plan)
+    spec    = g.each(rooms)
     stills  = g.add(still_render.run,       spec=spec,       params=p.synthetic.still_render, ctx=g.ctx, **surfaces(g, p))
     samples = g.add(still_sample.run,       stills=stills,                                          params=p.synthetic.still_sample)
     alone: dict[str, Any] = {"more": tools_alone(g, p)} if p.synthetic.tool_plan.per_category else {}

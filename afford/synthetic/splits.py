@@ -71,6 +71,8 @@ TEST_KINDS = {
 BENCHMARK_ROOMS = (("P95", "kitchen", "known", 12), ("P96", "kitchen", "new", 6), ("workshop", "workshop", "any", 4),
              ("desk", "desk", "any", 4))  # fmt: skip
 """(participant, setting, task filter, share of the rooms); ids of kitchens begin with P, as EPIC's do"""
+SHIFT_ROOMS = (("P84", "workshop"), ("P85", "desk"))
+"""(participant, setting) of the validation"""
 
 
 def object_kinds(setting: str, asks: str, split: str) -> tuple[str, ...]:
@@ -105,6 +107,12 @@ def train_specs(seed: int, rooms: int, val_rooms: int, extent: RoomExtent) -> tu
     """Return the kitchens of the training set (P81) and of its validation split (P82)."""
     train = [_still_spec("P81", n, "kitchen", seed, "train", "known", extent) for n in range(rooms)]
     return (*train, *(_still_spec("P82", n, "kitchen", seed, "val", "known", extent) for n in range(val_rooms)))
+
+
+def shift_specs(seed: int, rooms: int, extent: RoomExtent) -> tuple[StillSpec, ...]:
+    """Return `rooms` validation rooms of each setting that training does not show: workshops (P84) and desks (P85)."""
+    return tuple(_still_spec(person, n, setting, seed, "val", "any", extent)
+                 for person, setting in SHIFT_ROOMS for n in range(rooms))  # fmt: skip
 
 
 def benchmark_specs(seed: int, rooms: int, extent: RoomExtent) -> tuple[StillSpec, ...]:

@@ -103,11 +103,13 @@ SIMULATED = ("Objects, human motion and physics are synthetic; no recorded data.
              "`gymnasium-robotics`.")  # fmt: skip
 PHYSICS = ("Simulated contact alone. It has not been tried on a robot: do not let it move hardware near people. Objects that are "
            "longer, thicker or heavier than its training objects are outside its experience.")  # fmt: skip
-TRACED_ROOMS = ("still_render.backend=cycles", "train_plan.rooms=16")
+ROOMS = ("shift_plan.rooms=0",)
+"""rooms of the fast renderer; the shipped model is calibrated on other settings afterwards (calibrate.py)"""
+TRACED_ROOMS = (*ROOMS, "still_render.backend=cycles", "train_plan.rooms=16")
 """the first rooms of the fast renderer, path-traced"""
-MORE_TRACED_ROOMS = ("still_render.backend=cycles", "train_plan.seed=31", "train_plan.rooms=31", "train_plan.val_rooms=0")
+MORE_TRACED_ROOMS = (*ROOMS, "still_render.backend=cycles", "train_plan.seed=31", "train_plan.rooms=31", "train_plan.val_rooms=0")
 """path-traced rooms that the fast renderer does not show"""
-ALONE = ("train_plan.rooms=1", "train_plan.val_rooms=0", "train_plan.layouts=1", "train_plan.views=1",
+ALONE = (*ROOMS, "train_plan.rooms=1", "train_plan.val_rooms=0", "train_plan.layouts=1", "train_plan.views=1",
          "object_build.max_faces=8000", "object_build.atlas_px=256")  # fmt: skip
 """objects alone on tables, and one picture of a room"""
 RECIPES = {
@@ -126,7 +128,7 @@ RECIPES = {
              "ImageNet, whose pictures have terms of their own; its weights are not in this file either: set-up fetches them.",
         sets=("model_train.recipe=release", "model_train.steps=4500", "model_train.validate_every=1500",
               "model_train.residue_share=0.4"),
-        stills=((), TRACED_ROOMS, MORE_TRACED_ROOMS, (*ALONE, "tool_plan.per_category=7"),
+        stills=(ROOMS, TRACED_ROOMS, MORE_TRACED_ROOMS, (*ALONE, "tool_plan.per_category=7"),
                 (*ALONE, "still_render.backend=cycles", "tool_render.backend=cycles", "tool_plan.per_category=2",
                  "tool_plan.seed=20272", "tool_plan.val_every=0", "tool_render.views=2")),
         inside="model",

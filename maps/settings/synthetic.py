@@ -13,6 +13,7 @@ from stages.synthetic import (
     object_build,
     object_plan,
     scene_render,
+    shift_plan,
     still_render,
     still_sample,
     tool_plan,
@@ -27,6 +28,7 @@ class Synthetic:
 
     scene_render: scene_render.Params = scene_render.Params()
     train_plan: train_plan.Params = train_plan.Params()
+    shift_plan: shift_plan.Params = shift_plan.Params()
     benchmark_plan: benchmark_plan.Params = benchmark_plan.Params()
     still_render: still_render.Params = still_render.Params()
     still_sample: still_sample.Params = still_sample.Params()

@@ -22,8 +22,8 @@ RECORDERS = {"clip_record", "grasp_record", "interaction_record", "motion_record
 PLAN = "a list of what is to be rendered: the names and seeds stand in what is made of it"
 FIGURES = "figures of one shard: the report over all of them is recorded"
 EXCEPTIONS: dict[str, str] = {
-    "train_plan": PLAN, "benchmark_plan": PLAN, "hand_plan": PLAN, "object_plan": PLAN, "interaction_plan": PLAN,
-    "household_plan": PLAN, "tool_plan": PLAN,
+    "train_plan": PLAN, "shift_plan": PLAN, "benchmark_plan": PLAN, "hand_plan": PLAN, "object_plan": PLAN,
+    "interaction_plan": PLAN, "household_plan": PLAN, "tool_plan": PLAN,
     "scene_render": "its video is /frame_decode/image of the recording of the clip",
     "still_render": "stills are on the contact sheet of train_pack, which is recorded",
     "tool_render": "stills are on the contact sheet of train_pack, which is recorded",

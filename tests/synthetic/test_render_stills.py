@@ -20,6 +20,7 @@ from afford.synthetic.splits import (
     benchmark_specs,
     is_held_out,
     object_kinds,
+    shift_specs,
     train_specs,
 )
 from afford.synthetic.stills.grasp_options import ReachModel, grasp_plans, plan_weights, with_extra_grips
@@ -28,6 +29,7 @@ from afford.synthetic.stills.still_world import StillWorld
 from afford.synthetic.stills.table_layout import PlacedObject, height_map, place_on_table
 from afford.synthetic.stills.task_catalogue import Task, tasks_for
 from schemas.scene import Stills, StillSpec
+from stages.synthetic import shift_plan
 
 SMALL = RenderQuality(ImageSizes((228, 128), (228, 128)), supersample=1, jpeg_quality=90)
 EXTENT = RoomExtent(layouts=2, views=1, tasks=6)
@@ -218,13 +220,26 @@ def test_placed_objects_neither_overlap_nor_float() -> None:
 
 def test_training_and_benchmark_share_no_room_and_no_mesh() -> None:
     """No two rooms share a random stream, even for equal seeds, and no mesh is in both sets."""
-    train, test = train_specs(7, 20, 5, EXTENT), benchmark_specs(7, 26, EXTENT)
+    train, test = (*train_specs(7, 20, 5, EXTENT), *shift_specs(7, 2, EXTENT)), benchmark_specs(7, 26, EXTENT)
     seeds = [spec.seed for spec in (*train, *test)]
     assert len(set(seeds)) == len(seeds) == len({spec.video_id for spec in (*train, *test)})
     assert {spec.split for spec in test} == {"test"} and {spec.split for spec in train} == {"train", "val"}
-    shapes = [{part.mesh.vertices.tobytes() for model in StillWorld(spec).models for part in model.parts}
-              for spec in (train[0], test[0])]
-    assert not shapes[0] & shapes[1]
+    workshops = [next(spec for spec in specs if spec.setting == "workshop") for specs in (train, test)]
+    for one, other in ((train[0], test[0]), workshops):
+        shapes = [{part.mesh.vertices.tobytes() for model in StillWorld(spec).models for part in model.parts}
+                  for spec in (one, other)]
+        assert not shapes[0] & shapes[1]
+
+
+def test_shift_plan_adds_validation_rooms_of_other_settings() -> None:
+    """The rooms of the training stay as they are; what is added is in the split val, and in no setting that training shows."""
+    rooms = train_specs(7, 3, 1, EXTENT)
+    planned = shift_plan.run(rooms, shift_plan.Params(rooms=2))
+    assert planned[: len(rooms)] == rooms and len(planned) == len(rooms) + 4
+    added = planned[len(rooms) :]
+    assert {spec.split for spec in added} == {"val"}
+    assert not {spec.setting for spec in added} & {spec.setting for spec in rooms if spec.split == "train"}
+    assert shift_plan.run(rooms, shift_plan.Params(rooms=0)) == rooms
 
 
 def test_held_out_kinds_and_uses_are_absent_from_training() -> None:
