@@ -25,7 +25,8 @@ METHODS = (("small", "model"), ("small_text_removed", "model, no prompt"),
            ("small_text_shuffled", "model, wrong prompt"), ("whole_object", "whole object (oracle)"),
            ("object_box", "object box (oracle)"), ("class_mean", "mean of the class"), ("centre", "centre"))  # fmt: skip
 MEASURES = (("first_mode_iou", "first-mode IoU"), ("iou", "best-mode IoU"), ("precision", "precision"), ("map", "mAP"),
-            ("hd_px", "Hausdorff px"), ("best_mode_iou", "IoU over modes"), ("taxonomy_accuracy", "taxonomy"))  # fmt: skip
+            ("hd_px", "Hausdorff px"), ("best_mode_iou", "IoU over modes"), ("taxonomy_accuracy", "taxonomy"),
+            ("ece", "ECE"))  # fmt: skip
 GROUPS = (("", "kitchens"), ("known.", "kitchens, object kinds of the training set"),
           ("new.", "kitchens, object kinds and uses held out from training"),
           ("text_decides.", "all scenes, side given by the text"),
