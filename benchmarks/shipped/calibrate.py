@@ -1,7 +1,6 @@
 """Calibrate the shipped two-hand model on rooms of settings that its training does not show; its weights stay.
 
-    python pipeline.py run benchmark-set --set benchmark_plan.seed=20263          # other rooms than the benchmark's
-    PYTHONPATH=. python benchmarks/shipped/calibrate.py CASES
+    PYTHONPATH=. python benchmarks/shipped/calibrate.py [--cases DIR] [--store DIR]
 
 A model is much surer of what is new to it than it is right, and what users show it is new to it. Slope and offset of its logits
 are fitted to its own answers (mirror image and second look included) to the crops of the rows `workshop` and `desk`; its config,
@@ -28,9 +27,11 @@ from afford.twohands.model.calibration import calibrated, fit_calibration
 from afford.twohands.model.hand_selection import hand_probabilities
 from afford.twohands.model.model_folder import config_json
 from afford.twohands.model.predictor import Predictor
-from benchmarks.pages import head
+from benchmarks.pages import head, make
 from schemas.benchmark import Case
 
+SEED = 20263
+"""of rooms and objects that are not those of the benchmark"""
 PASSES = 3
 """fits, one after the other: the mean over a picture and its mirror image is not linear in slope and offset"""
 Region = tuple[np.ndarray, np.ndarray, float]
@@ -56,8 +57,10 @@ def regions(predictor: Predictor, cases: list[Case]) -> Iterator[Region]:
 def main() -> None:
     """Fit, and write config, card and record."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("cases", type=Path)
-    given = parser.parse_args().cases
+    parser.add_argument("--cases", type=Path, help="what `run benchmark-set` wrote; by default it is rendered with another seed")
+    parser.add_argument("--store")
+    args = parser.parse_args()
+    given = args.cases or Path(make("benchmark-set", args.store, "--set", f"benchmark_plan.seed={SEED}")["outputs"]["benchmark"])
     folder, cases = FOLDER / TWO_HANDS, unfamiliar(given)
     predictor = Predictor(folder)
     config = predictor.model.config
