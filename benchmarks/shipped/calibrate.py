@@ -62,6 +62,8 @@ def main() -> None:
     args = parser.parse_args()
     given = args.cases or Path(make("benchmark-set", args.store, "--set", f"benchmark_plan.seed={SEED}")["outputs"]["benchmark"])
     folder, cases = FOLDER / TWO_HANDS, unfamiliar(given)
+    if not cases:
+        raise SystemExit(f"{given}: expected crops of workshops or desks, found none; render them with `run benchmark-set`")
     predictor = Predictor(folder)
     config = predictor.model.config
     for _ in range(PASSES):
@@ -71,10 +73,10 @@ def main() -> None:
         config = replace(config, calibration=at, threshold=round(calibrated(config.threshold, (slope, offset)), 4))
         predictor.model.config = config
         print(f"calibration {at}, threshold {config.threshold}", flush=True)
-    (folder / "config.json").write_text(config_json(config), encoding="utf-8")
     write_card(folder / CARD, f"Then slope and offset, {config.calibration}, were fitted again to {len(cases)} crops of workshops "
                f"and desks, which the training does not show, by benchmarks/shipped/calibrate.py at commit `{head()}`; the "
                f"threshold, now {config.threshold}, moved along. Each picture has its own, by its probabilities.")  # fmt: skip
+    (folder / "config.json").write_text(config_json(config), encoding="utf-8")
     record = read_record(folder)
     record["files"] |= {name: file_digest(folder / name) for name in ("config.json", CARD)}
     record["calibrated"] = {"commit": head(), "cases": file_digest(given / "stills.json")}

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
+import shutil
 import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import torch
 from safetensors.torch import load_file, save_file
@@ -19,6 +22,9 @@ from afford.models.shipped import CARD, FOLDER, MEASURED, RECORD, file_digest, f
 from afford.twohands.model import lite
 from afford.twohands.model.interface import Batch, ModelConfig, build
 from afford.twohands.model.model_folder import load_model, save_model
+from benchmarks.shipped import calibrate
+from benchmarks.shipped.calibrate import write_card
+from benchmarks.shipped.outlined import write_case
 from benchmarks.shipped.recipes import RECIPES
 from benchmarks.shipped.ship import MAX_TOTAL_BYTES, codes, ship, stale
 from commands.errors import UsageError
@@ -178,3 +184,32 @@ def test_models_made_by_other_code_are_named(weights: Path, trained: Path, monke
     assert not list(stale(["parts", "sor3d"]))
     ship(trained, weights / "parts", "# Parts", {**MADE, "stages": {**now, "scorer_train": "other", "gone": "1"}})
     assert list(stale(["parts"])) == [("parts", ["gone", "scorer_train"])]
+
+
+def test_a_calibration_is_in_the_card_once_and_in_no_other_card(tmp_path: Path) -> None:
+    card = tmp_path / CARD
+    card.write_text("# Model\n\nfitted here, and the threshold 0.2036 was chosen.\n\n## Figures\n")
+    for line in ("Then it was fitted again.", "Then once more."):
+        write_card(card, line)
+    assert card.read_text() == "# Model\n\nfitted here, and the threshold 0.2036 was chosen. Then once more.\n\n## Figures\n"
+    card.write_text("# Parts\n")
+    with pytest.raises(SystemExit, match="expected one sentence"):
+        write_card(card, "Then it was fitted again.")
+    assert card.read_text() == "# Parts\n"
+
+
+def test_a_calibration_uses_crops_of_other_settings_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    mask = np.zeros((20, 30), bool)
+    mask[5:9, 5:9] = True
+    for kind, scene in (("cropped", "kitchen"), ("cropped", "workshop"), ("masks", "workshop")):
+        folder = tmp_path / kind / scene / "0000001"
+        write_case(folder, np.zeros((20, 30, 3), np.uint8), "take saw", [{"right": mask}])
+        told = json.loads((folder / "annotation.json").read_text())
+        (folder / "annotation.json").write_text(json.dumps({**told, "scene": scene}))
+    assert [case.video for case in calibrate.unfamiliar(tmp_path)] == ["workshop"]
+    shutil.rmtree(tmp_path / "cropped" / "workshop")
+    monkeypatch.setattr(sys, "argv", ["calibrate.py", "--cases", str(tmp_path)])
+    before = {path.name: file_digest(path) for path in (FOLDER / "twohands").glob("*.*")}
+    with pytest.raises(SystemExit, match="expected crops of workshops or desks"):
+        calibrate.main()
+    assert {path.name: file_digest(path) for path in (FOLDER / "twohands").glob("*.*")} == before
