@@ -93,7 +93,7 @@ def stills(store: Path, folder: Path) -> None:
     """A few small stills were rendered, drawn from and written as a benchmark."""
     few = {"rooms": 1, "layouts": 1, "views": 1, "tasks": 3}
     small = Settings.of(train_plan=replace(Settings.synthetic.train_plan, val_rooms=0, **few),
-                        shift_plan=replace(Settings.synthetic.shift_plan, **few),
+                        shift_plan=replace(Settings.synthetic.shift_plan, rooms=1),
                         benchmark_plan=replace(Settings.synthetic.benchmark_plan, **few),
                         still_render=replace(Settings.synthetic.still_render, width_px=228, height_px=128, supersample=1),
                         object_build=replace(Settings.synthetic.object_build, edge_m=0.02, atlas_px=64),

@@ -238,8 +238,11 @@ def test_shift_plan_adds_validation_rooms_of_other_settings() -> None:
     assert planned[: len(rooms)] == rooms and len(planned) == len(rooms) + 4
     added = planned[len(rooms) :]
     assert {spec.split for spec in added} == {"val"}
+    assert {(spec.layouts, spec.views, spec.tasks) for spec in planned} == {(EXTENT.layouts, EXTENT.views, EXTENT.tasks)}
     assert not {spec.setting for spec in added} & {spec.setting for spec in rooms if spec.split == "train"}
     assert shift_plan.run(rooms, shift_plan.Params(rooms=0)) == rooms
+    with pytest.raises(ValueError, match="expected 0 or more, got -1"):
+        shift_plan.run(rooms, shift_plan.Params(rooms=-1))
 
 
 def test_held_out_kinds_and_uses_are_absent_from_training() -> None:
