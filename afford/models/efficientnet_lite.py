@@ -5,6 +5,7 @@ Blocks: MobileNetV2's inverted residuals (Sandler et al. 2018). Names of tensors
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -157,6 +158,12 @@ class EfficientNetLite0(nn.Module):
         """Class logits (b, classes) of RGB images (b, 3, H, W) float32 0..1."""
         seen = self._conv_head.normed(self.forward(image).stride32, self._bn1).clamp_(0, 6)
         return self._fc(seen.mean(dim=(2, 3)))
+
+    def class_scores(self, stride32: Tensor, classes: Sequence[int]) -> Tensor:
+        """Logits (b, h, w, n) of n classes at every place of features (b, 320, h, w); their means are what `classify` gives."""
+        seen = self._conv_head.normed(stride32, self._bn1).clamp_(0, 6)
+        rows = list(classes)
+        return linear(seen.permute(0, 2, 3, 1), self._fc.weight[rows], self._fc.bias[rows])
 
 
 CLASSES = 1000

@@ -118,14 +118,16 @@ RECIPES = {
         "`predict`, `make demo`, and as a start for your own data: where each hand goes for a task in words.",
         "Household objects and tools on tables and counters, seen by the person who acts. Kinds that it was not trained on, and "
         "whole pictures with many objects, are much harder than crops. In the figures, words of kinds that were never shown "
-        "(kettle, spatula) are read as known ones by a table that has them. It answers every question, also where no object fits. "
+        "(kettle, spatula) are read as known ones by a table that has them, and looked for by classes of ImageNet where they have "
+        "any. It answers every question, also where no object fits. "
         "Not for deciding whether touching something is safe, and not for recognising or monitoring people.",
         data="Stills of rendered kitchens, and of tools alone on tables: a third by a path tracer "
              "(`still_render.backend=cycles`: Blender's Cycles, GPL, a program that this model does not contain), the others by "
              "the fast renderer. Some path-traced surfaces are photographs out of `robosuite` (MIT), `scikit-image` "
              "(BSD-3-Clause), `pybullet` (zlib), `gnome-backgrounds` (CC-BY-SA-3.0) and `mate-backgrounds` (GPL-2+ and CC-BY-SA), "
              "which are not in this file. The image encoder is EfficientNet-Lite0 (Apache-2.0), frozen, trained by its authors on "
-             "ImageNet, whose pictures have terms of their own; its weights are not in this file either: set-up fetches them.",
+             "ImageNet, whose pictures have terms of their own; its weights and those of its classifier are not in this file "
+             "either: set-up fetches them.",
         sets=("model_train.recipe=release", "model_train.steps=4500", "model_train.validate_every=1500",
               "model_train.residue_share=0.4"),
         stills=(ROOMS, TRACED_ROOMS, MORE_TRACED_ROOMS, (*ALONE, "tool_plan.per_category=7"),

@@ -88,6 +88,14 @@ class Params(Optimisation):
     """share of samples whose colours are changed"""
     residue_share: float = 0.0
     """share of samples with places as inpainting of hands leaves them"""
+    classes: bool = False
+    """lite: let the classifier of the image encoder point at the things that a task names; not without text"""
+    unnamed_share: float = 0.4
+    """lite with classes: share of samples whose nouns are random words, so that the classes alone say which thing is meant"""
+    unseen_share: float = 0.2
+    """lite with classes: share of samples without the classes of their things"""
+    style_noise: float = 0.0
+    """lite: strength of the noise on the style of the encoder's features, for half of the samples; 0 for none"""
     zoom: float = 2.0
     """samples are cached at this many times the input size, so that crops stay sharp"""
     loss_mode: str = "paper"
@@ -117,7 +125,8 @@ VLM = Params(variant="vlm", height_px=1024, width_px=1024, steps=5000, batch=2, 
 """parameters of the paper: ten epochs of 500 steps of LISA's recipe"""
 CLIP = replace(VLM, variant="clip", checkpointing=False)
 """the same for 2HAff-CLIP"""
-QUICK = Params(variant="lite", height_px=160, width_px=192, steps=1300, validate_every=650, coarse_share=0.25)
+QUICK = Params(variant="lite", height_px=160, width_px=192, steps=1300, validate_every=650, coarse_share=0.25,
+                classes=True, style_noise=0.3)  # fmt: skip
 """parameters of `make train`"""
 RELEASE = replace(QUICK, recipe="release", height_px=192, width_px=256, steps=3000, validate_every=1000, coarse_share=0.53)
 """parameters of the shipped model"""
@@ -163,20 +172,22 @@ def training_job(p: Params, recipe: Recipe | None = None) -> TwoHandsJob:
     allowed = tuple(DTYPES) if p.variant == "vlm" else ("float32",)
     if p.frozen_dtype not in allowed:
         raise ValueError(f"model_train.frozen_dtype: expected {', '.join(allowed)} for variant {p.variant}, got {p.frozen_dtype!r}")
-    light = p.variant in LIGHT
+    light, classes = p.variant in LIGHT, p.classes and p.text and p.variant == "lite"
     if p.start and not light:
         raise ValueError(f"model_train.start: expected none for variant {p.variant}, which begins from backbones, got {p.start!r}")
     return TwoHandsJob(
         config=ModelConfig(variant=p.variant, hypotheses=p.hypotheses, text=p.text, decoders=p.decoders, backbones=p.backbones,
                            size_px=(p.height_px, p.width_px if light else p.height_px), frozen=bool(p.backbones),
-                           seg_state=p.loss_mode),
+                           seg_state=p.loss_mode, classes=classes,
+                           style_noise=p.style_noise if p.variant == "lite" else 0.0),
         plan=plan_of(p, _parallel(p, light)),
         loss=LossParams(mode=p.loss_mode, mask=p.mask_loss, mask_weight=p.mask_weight, dice_weight=p.dice_weight,
                         object_weight=p.object_weight, centre_weight=p.centre_weight,
                         taxonomy_weight=float(recipe.taxonomy) if recipe else 1.0),
         division=Split(p.split_by, p.val_fraction, p.seed),
         views=Augmentation(p.flip_share, p.crop_share, stretch_share=p.stretch_share, nameless_share=p.nameless_share,
-                    colour_share=p.colour_share, residue_share=p.residue_share),
+                    colour_share=p.colour_share, residue_share=p.residue_share,
+                    unnamed_share=p.unnamed_share if classes else 0.0, unseen_share=p.unseen_share if classes else 0.0),
         coarse_share=p.coarse_share if light else 0.0,
         batch=p.batch, balance=p.balance, val_samples=p.val_samples, zoom=p.zoom, target=p.target, seed=p.seed,
         checkpointing=p.checkpointing and p.variant == "vlm", frozen_dtype=p.frozen_dtype, start=p.start)  # fmt: skip

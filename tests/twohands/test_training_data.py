@@ -224,6 +224,25 @@ def test_samples_with_replaced_nouns_are_cropped(packed: data.Files) -> None:
     assert seen.image.size < item.image.size and "mug" not in seen.narration.split()
 
 
+def test_some_samples_are_asked_for_by_their_classes_alone(packed: data.Files) -> None:
+    """Nouns become random words and the task is kept beside them; without classes, or without the classes, a task stays."""
+    item = replace(next(iter(read_items(packed, "train"))), narration="pour from can into mug", object_left="can",
+                   object_right="mug", noun="can")  # fmt: skip
+    plain = Augmentation(0, 0, colour_share=0, stretch_share=0)
+    unnamed, unseen = replace(plain, unnamed_share=1), replace(plain, unseen_share=1)
+    seen = augment(item, unnamed, 1, 0)
+    assert seen.asked == item.narration and [seen.item.narration.split()[n] for n in (0, 1, 3)] == ["pour", "from", "into"]
+    assert seen.item.image.shape == item.image.shape and not {"can", "mug"} & set(seen.item.narration.split())
+    scissors = replace(item, narration="take scissors", object_left="scissors", object_right="", noun="scissors")
+    assert augment(scissors, unnamed, 1, 0).item.narration == "take scissors"
+    assert augment(item, unseen, 1, 0).asked == "" and augment(item, unseen, 1, 0).item.narration == item.narration
+    assert augment(item, plain, 1, 0).asked == item.narration
+    shares = replace(plain, unnamed_share=0.5, unseen_share=0.25)
+    drawn = [augment(item, shares, 1, position) for position in range(200)]
+    assert 70 < sum(one.item.narration != item.narration for one in drawn) < 130
+    assert 30 < sum(one.asked == "" for one in drawn) < 70
+
+
 def test_residue_changes_some_pixels_and_no_label(packed: data.Files) -> None:
     """A part of the picture is repainted, the same with the same seed, wherever the masks are."""
     item = next(iter(read_items(packed, "train")))

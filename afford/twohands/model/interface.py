@@ -44,6 +44,10 @@ class ModelConfig:
     """1: one region for either hand, as in LISA; both sides of the output are then equal"""
     dropout: float = 0.0
     """dropout of the transformers of small; that of LoRA is `lora_dropout`"""
+    classes: bool = False
+    """lite: where the backbone's classifier sees the things that the task names (named_things.py)"""
+    style_noise: float = 0.0
+    """lite: strength of the noise on the style of its backbone's features in training (style_noise.py)"""
     backbones: str = ""
     """clip, vlm: folder with `clip/` or `vlm/` and `sam/`, each as `transformers` saves it; '' builds tiny random ones.
     lite: file of EfficientNet-Lite0, or its folder"""
@@ -90,6 +94,10 @@ class Batch(NamedTuple):
     """(b, 3, H, W) float32, RGB 0..1, letter-boxed to config.size_px"""
     task: tuple[str, ...]
     """b tasks in words"""
+    noise: int | None = None
+    """seed of the noise that a training adds to features; None for none"""
+    asked: tuple[str, ...] | None = None
+    """the tasks as they were asked, where `task` has stand-ins for unknown words"""
 
 
 class Target(NamedTuple):

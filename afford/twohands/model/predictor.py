@@ -40,6 +40,18 @@ SPECK = 0.2
 """area of a component, as a share of the largest one, below which it does not belong to the object"""
 
 
+class Task(NamedTuple):
+    """Task in words."""
+
+    read: str
+    """in words of the model's training, where others stand in for them"""
+    asked: str
+
+    def mirrored(self) -> Task:
+        """The task for the mirror image."""
+        return Task(swap_sides(self.read), swap_sides(self.asked))
+
+
 class RawPrediction(NamedTuple):
     """Output of a model for one picture, before hands are selected and hypotheses ranked."""
 
@@ -97,24 +109,25 @@ class Predictor:
             raise ValueError(f"expected one task for each image, got {len(images)} images and {len(tasks)} tasks")
         for image in images:
             _check(image)
-        read = tasks if self.words is None else [read_task(task, self.words).text for task in tasks]
+        read = [Task(task if self.words is None else read_task(task, self.words).text, task) for task in tasks]
         with nullcontext() if self.model.config.variant == "vlm" else one_thread(self.device):
             raw = self._look(images, read)
             if looks > 1:
                 raw = self._look_closer(images, read, raw)
             return [self._select(task, one, hands) for task, one in zip(tasks, raw, strict=True)]
 
-    def _look(self, images: Sequence[np.ndarray], tasks: Sequence[str]) -> list[RawPrediction]:
+    def _look(self, images: Sequence[np.ndarray], tasks: Sequence[Task]) -> list[RawPrediction]:
         """Predictions, averaged with those of the mirror images where `mirror` is set."""
         if not self.mirror:
             return self._forward(images, tasks)
-        mirrored = [mirror_image(image) for image in images], [swap_sides(task) for task in tasks]
+        mirrored = [mirror_image(image) for image in images], [task.mirrored() for task in tasks]
         both = self._forward([*images, *mirrored[0]], [*tasks, *mirrored[1]])
         return [merge_mirrored(*two) for two in zip(both[: len(images)], both[len(images) :], strict=True)]
 
-    def _forward(self, images: Sequence[np.ndarray], tasks: Sequence[str]) -> list[RawPrediction]:
+    def _forward(self, images: Sequence[np.ndarray], tasks: Sequence[Task]) -> list[RawPrediction]:
         size = self.model.config.size_px
-        batch = Batch(to_tensor([letterbox(image, size) for image in images]).to(self.device), tuple(tasks))
+        pictures = to_tensor([letterbox(image, size) for image in images]).to(self.device)
+        batch = Batch(pictures, tuple(task.read for task in tasks), asked=tuple(task.asked for task in tasks))
         with torch.inference_mode():
             output = self.model.answer(batch)
         taxonomy = (output.taxonomy.float() / self.model.config.temperature).softmax(-1).cpu().numpy()
@@ -126,7 +139,7 @@ class Predictor:
         rows = zip(images, regions, output.score.float().cpu(), taxonomy, objects, texts, said, strict=True)
         return [RawPrediction(self._probability(image, logits), *rest) for image, logits, *rest in rows]
 
-    def _look_closer(self, images: Sequence[np.ndarray], tasks: Sequence[str], first: list[RawPrediction]) -> list[RawPrediction]:
+    def _look_closer(self, images: Sequence[np.ndarray], tasks: Sequence[Task], first: list[RawPrediction]) -> list[RawPrediction]:
         """Predictions from the crops of small objects; those of other pictures are kept."""
         windows = [crop_window(one, self.model.config.size_px) for one in first]
         crops = {n: np.ascontiguousarray(images[n][window]) for n, window in enumerate(windows) if window}

@@ -81,6 +81,19 @@ class Features(NamedTuple):
     """(b, H/16 * W/16, c16): stride 16, row by row"""
     words: Tensor
     """(b, n, c16) words after attention to the image; n may be 0"""
+    named: Tensor | None
+    """(b, 1, h, w): logits to add where things that the task names are seen, at any stride; None for an encoder that knows none"""
+
+
+class Seen(NamedTuple):
+    """Features of the images of a batch before words modulate them."""
+
+    stride4: Tensor
+    stride8: Tensor
+    stride16: Tensor | None = None
+    """added to those that are computed from stride 8"""
+    named: Tensor | None = None
+    """as in `Features`"""
 
 
 class Encoder(nn.Module):
@@ -103,26 +116,26 @@ class Encoder(nn.Module):
         self.at: Tensor
         self.register_buffer("at", self._sines(*size_px), persistent=False)
 
-    def forward(self, image: Tensor, words: Tensor, keep: Tensor) -> Features:
-        """Encode an image (b, 3, H, W) RGB 0..1 with words (b, n, c16); `keep` (b, n) bool is False for padding words."""
+    def forward(self, batch: Batch, words: Tensor, keep: Tensor) -> Features:
+        """Encode the images of a batch with words (b, n, c16); `keep` (b, n) bool is False for padding words."""
         text = (words * keep[..., None]).sum(1) / keep.sum(1, keepdim=True).clamp(min=1)
-        stride4, plain8, plain16 = self.see(image)
-        stride8 = self.more8(self.tune8(plain8, text))
-        coarse = self.stage16(stride8) if plain16 is None else self.stage16(stride8) + plain16
+        seen = self.see(batch)
+        stride8 = self.more8(self.tune8(seen.stride8, text))
+        coarse = self.stage16(stride8) if seen.stride16 is None else self.stage16(stride8) + seen.stride16
         for tune, more in zip(self.tune16, self.more16, strict=True):
             coarse = more(tune(coarse, text))
-        tokens = coarse.flatten(2).transpose(1, 2) + self.place(image)
+        tokens = coarse.flatten(2).transpose(1, 2) + self.place(batch.image)
         count = tokens.shape[1]
-        x, seen = cat([tokens, words], dim=1), cat([keep.new_ones(len(keep), count), keep], dim=1)
+        x, there = cat([tokens, words], dim=1), cat([keep.new_ones(len(keep), count), keep], dim=1)
         for block in self.blocks:
-            x = block(x, seen)
+            x = block(x, there)
         x = self.norm(x)
-        return Features(stride4, stride8, x[:, :count], x[:, count:])
+        return Features(seen.stride4, stride8, x[:, :count], x[:, count:], seen.named)
 
-    def see(self, image: Tensor) -> tuple[Tensor, Tensor, Tensor | None]:
-        """Features of an image (b, 3, H, W) RGB 0..1 without words, at strides 4, 8 and 16; the last ones may be None."""
-        stride4 = self.stage4(self.stem(normalised(image).contiguous(memory_format=channels_last)))
-        return stride4, self.stage8(stride4), None
+    def see(self, batch: Batch) -> Seen:
+        """Features of the images of a batch before words modulate them."""
+        stride4 = self.stage4(self.stem(normalised(batch.image).contiguous(memory_format=channels_last)))
+        return Seen(stride4, self.stage8(stride4))
 
     def place(self, image: Tensor) -> Tensor:
         """Positions (H/16 * W/16, c16) of the tokens of an image (b, 3, H, W).
@@ -205,13 +218,13 @@ class Decoder(nn.Module):
         self.score = mlp(c16, c16, 1)
         self.seen, self.centre = mlp(2 * c16, c16, c16), mlp(c16, c16, 2)
 
-    def forward(self, features: tuple[Tensor, Tensor, Tensor, Tensor], keep: Tensor, place: Tensor) -> tuple[Tensor, ...]:
-        """Decode features (stride 4, stride 8, stride-16 tokens, words); keep (b, n) bool of the words; place (p, c16).
+    def forward(self, features: Features, keep: Tensor, place: Tensor) -> tuple[Tensor, ...]:
+        """Decode features; keep (b, n) bool of the words; place (p, c16).
 
         Returns mask logits (b, hands, k, H/4, W/4), score logits (b, hands, k), tokens (b, hands, 1 + k, c16), logits of the
         complete objects (b, hands, H/4, W/4), and their common centre (b, 2) in the whole picture (`Output.centre`).
         """
-        stride4, stride8, image, words = features
+        stride4, stride8, image, words, named = features
         count = self.hands * (2 + self.hypotheses)
         tokens = torch.cat([self.queries.flatten(0, 1).expand(len(words), -1, -1), words], dim=1)
         keep = torch.cat([keep.new_ones(len(keep), count), keep], dim=1)
@@ -221,6 +234,8 @@ class Decoder(nn.Module):
         own, thing = own[:, :, :-1], self.thing(own[:, :, -1:])
         weight = torch.stack([hyper(own[:, hand, 1:]) for hand, hyper in enumerate(self.hyper)], dim=1)
         drawn = weighed(torch.cat([weight, thing], dim=2), self._fine(stride4, stride8, image))
+        if named is not None:
+            drawn = drawn + interpolate(named, drawn.shape[3:], mode="bilinear", align_corners=False)[:, None]
         seen = self._seen(drawn[:, :, -1], image, place)
         first = own[:, :, :1] + seen[:, None, None]
         score = self.score(own[:, :, 1:] + first)[..., 0]
@@ -268,7 +283,7 @@ class Small(TwoHands):
     def forward(self, batch: Batch) -> Output:
         """Predict the regions of a batch; see `TwoHands`."""
         words, keep = self._read(batch)
-        features = self.encoder(batch.image, words, keep)
+        features = self.encoder(batch, words, keep)
         logits, score, tokens, objects, centre = self.decoder(features, keep, self.encoder.place(batch.image))
         both = (-1, 2, -1, -1, -1)
         return Output(logits.expand(both), score.expand(both[:3]), self.taxonomy(tokens[:, 0].flatten(1)), None,

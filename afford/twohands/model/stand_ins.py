@@ -100,13 +100,13 @@ def words_read_as(model: ModelFolder, task: str) -> dict[str, str]:
 
 
 def _stand_in(word: str, known: Vocabulary) -> str | None:
-    for form in _forms(word):
+    for form in base_forms(word):
         if form in known.words:
             return form
-    return next((other for form in _forms(word) for other in stand_ins().get(form, ()) if other in known.words), None)
+    return next((other for form in base_forms(word) for other in stand_ins().get(form, ()) if other in known.words), None)
 
 
-def _forms(word: str) -> Iterator[str]:
+def base_forms(word: str) -> Iterator[str]:
     """Yield the word and what it may be a form of: cups, cup; cutting, cut; taking, take; poured, pour."""
     yield word
     for ending in ("s", "es", "ing", "ed", "d"):

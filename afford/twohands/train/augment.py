@@ -16,6 +16,7 @@ import numpy as np
 from afford.common.masks import BORDER, box
 from afford.dataset.augment import flip, recolour
 from afford.dataset.load import Item
+from afford.twohands.model.class_words import named_classes
 
 MIRROR = np.array([-1, 1], np.float32)
 
@@ -44,6 +45,11 @@ class Augmentation:
     """range of the factors of brightness, contrast and saturation"""
     residue_share: float = 0.0
     """share of samples with one or two arm-shaped places as inpainting leaves them, anywhere in the picture"""
+    unnamed_share: float = 0.0
+    """share of samples whose things, where they have classes, are asked for by their classes alone: the nouns of the task become
+    random words (`AugmentedSample.asked`)"""
+    unseen_share: float = 0.0
+    """share of samples without the classes of their things, so that a model can do without"""
 
 
 class AugmentedSample(NamedTuple):
@@ -52,6 +58,8 @@ class AugmentedSample(NamedTuple):
     item: Item
     centre: np.ndarray
     """(2,) float32: centre of its objects in the whole picture, x to the right and y down, -1..1; NaN without objects"""
+    asked: str = ""
+    """the task whose things are looked for by their classes (`Batch.asked`); '' for none"""
 
 
 def augment(item: Item, views: Augmentation, seed: int, position: int) -> AugmentedSample:
@@ -60,7 +68,7 @@ def augment(item: Item, views: Augmentation, seed: int, position: int) -> Augmen
     flipped, crop, stretch, nameless, colour = rng.random(5) < [views.flip_share, views.crop_share, views.stretch_share,
                                                                 views.nameless_share, views.colour_share]  # fmt: skip
     factors, margins = rng.uniform(*views.colour_range, 3), rng.uniform(*views.margin_range, 4)
-    item, at = crop_to_objects(item, margins) if crop or nameless else uncropped(item)
+    item, at, _ = crop_to_objects(item, margins) if crop or nameless else uncropped(item)
     if flipped:
         item, at = flip(item), at * MIRROR
     if stretch:
@@ -71,12 +79,19 @@ def augment(item: Item, views: Augmentation, seed: int, position: int) -> Augmen
         item = replace(item, image=recolour(item.image, *factors))
     if views.residue_share and rng.random() < views.residue_share:
         item = replace(item, image=leave_residue(item.image, rng))
-    return AugmentedSample(item, at)
+    asked = item.narration
+    if views.unnamed_share or views.unseen_share:
+        drawn = rng.random()
+        if drawn < views.unseen_share:
+            asked = ""
+        elif drawn < views.unseen_share + views.unnamed_share and named_classes(asked):
+            item = replace_nouns(item, rng)
+    return AugmentedSample(item, at, asked)
 
 
 def uncropped(item: Item) -> AugmentedSample:
     """The sample without augmentation."""
-    return AugmentedSample(item, mask_centre(object_mask(item)))
+    return AugmentedSample(item, mask_centre(object_mask(item)), item.narration)
 
 
 def benchmark_crop(item: Item, views: Augmentation) -> AugmentedSample:
@@ -94,7 +109,7 @@ def crop_to_objects(item: Item, margins: np.ndarray) -> AugmentedSample:
         return uncropped(item)
     down, across = box(union, (margins * max(union.shape)).round().astype(int).tolist())
     small = replace(item, image=item.image[down, across], masks=item.masks[:, down, across], motion=item.motion[:, :0])
-    return AugmentedSample(small, mask_centre(union))
+    return AugmentedSample(small, mask_centre(union), item.narration)
 
 
 def change_width(item: Item, factor: float) -> Item:

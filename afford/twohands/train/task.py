@@ -15,6 +15,7 @@ import torch
 from torch import Tensor, nn
 
 from afford.dataset.load import Item
+from afford.training.loop import derive_seed
 from afford.training.sampler import BalancedSampler
 from afford.twohands.model.interface import Batch, Output, Target, TwoHands
 from afford.twohands.model.letterbox import letterbox, letterbox_masks
@@ -57,6 +58,10 @@ class SampleBatch(NamedTuple):
     """(b,) int64, 0..3"""
     centre: np.ndarray
     """(b, 2) float32: centre of the objects in the whole picture (`AugmentedSample.centre`)"""
+    asked: tuple[str, ...]
+    """b tasks whose things are looked for by their classes (`AugmentedSample.asked`)"""
+    noise: int | None = None
+    """seed of the noise on features; None for none"""
 
 
 @dataclass(frozen=True)
@@ -75,10 +80,10 @@ class Batches:
 
     def __call__(self, number: int) -> SampleBatch:
         """Compute batch `number`."""
-        first = self.size * (number + min(number, self.coarse))
-        if number < self.coarse:
-            return collate([self._sample(first + n) for n in range(2 * self.size)], self.input_size.half())
-        return collate([self._sample(first + n) for n in range(self.size)], self.input_size)
+        first, coarse = self.size * (number + min(number, self.coarse)), number < self.coarse
+        samples = [self._sample(first + n) for n in range(2 * self.size if coarse else self.size)]
+        made = collate(samples, self.input_size.half() if coarse else self.input_size)
+        return made._replace(noise=derive_seed(self.seed, number))
 
     def _sample(self, position: int) -> AugmentedSample:
         _, index = self.sampler.sample(position)
@@ -94,6 +99,7 @@ def collate(samples: Sequence[AugmentedSample], input_size: InputSize) -> Sample
         task=tuple(item.narration for item in items),
         taxonomy=np.array([item.taxonomy for item in items], np.int64),
         centre=np.stack([one.centre for one in samples]),
+        asked=tuple(one.asked for one in samples),
     )
 
 
@@ -138,7 +144,7 @@ class TwoHandsTask:
         write_preview(folder / f"step_{step:07d}.jpg", rows, self._validated)
 
     def _input(self, batch: SampleBatch) -> Batch:
-        return Batch(stack_images(list(batch.image)).to(self.device), batch.task)
+        return Batch(stack_images(list(batch.image)).to(self.device), batch.task, batch.noise, batch.asked)
 
     def _target(self, batch: SampleBatch) -> Target:
         masks, things = (torch.from_numpy(batch.masks[:, part]).to(self.device) for part in (self.target_masks, TARGETS["object"]))
