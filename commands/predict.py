@@ -169,9 +169,10 @@ def _summary(task: str, model: ModelFolder, options: Options, done: BatchResult,
     """Object that `--json` prints and that predictions.json contains."""
     shown = max(len(done.predictions), 1)
     from afford.twohands.model.stand_ins import unknown_words, words_read_as
+    from afford.twohands.prediction_files import looked_for
 
     return {"task": task, "unknown_words": unknown_words(model, task), "read_as": words_read_as(model, task),
-            "hands_asked": options.hands,
+            "looked_for": looked_for(model, task), "hands_asked": options.hands,
             "model": {"name": model.name, "digest": model.digest}, "predictions": done.predictions,
             "failures": done.failures,
             "ms_per_image": {"cpu": round(done.cpu_ms / shown, 3), "wall": round(done.wall_ms / shown, 3)},
@@ -199,8 +200,13 @@ def _tell(summary: dict[str, Any], options: Options) -> int:
     if summary["read_as"]:
         pairs = escape(", ".join(f"{word} as {other}" for word, other in summary["read_as"].items()))
         console.print(f"[bold]read[/] {pairs}: words of the training that stand in", highlight=False, soft_wrap=True)
-    if summary["unknown_words"]:
-        words = escape(", ".join(summary["unknown_words"]))
+    if summary["looked_for"]:
+        words = escape(", ".join(summary["looked_for"]))
+        console.print(f"[bold]looked for[/] {words}: by the classifier of the image encoder; no training showed how people act on "
+                      "it", highlight=False, soft_wrap=True)  # fmt: skip
+    strange = [word for word in summary["unknown_words"] or () if word not in summary["looked_for"]]
+    if strange:
+        words = escape(", ".join(strange))
         console.print(f"[yellow]unknown words[/] {words}: this model was not trained with them, so the prediction "
                       "may be meaningless; use other words", highlight=False, soft_wrap=True)  # fmt: skip
     for failure in summary["failures"]:

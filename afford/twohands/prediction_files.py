@@ -20,7 +20,8 @@ from afford.common.files import RECORD, replace_folder, write_json, write_verifi
 from afford.common.image_files import encode_png, mask_png
 from afford.common.masks import box
 from afford.twohands.inference import Answer
-from afford.twohands.model.model_folder import ModelFolder
+from afford.twohands.model.class_words import named_classes
+from afford.twohands.model.model_folder import ModelFolder, read_config
 from afford.twohands.model.stand_ins import unknown_words, words_read_as
 from schemas.affordance import TAXONOMY
 from schemas.benchmark import Prediction
@@ -39,6 +40,7 @@ def record(answer: Answer, model: ModelFolder) -> dict[str, Any]:
         "task": prediction.task,
         "unknown_words": unknown_words(model, prediction.task),
         "read_as": words_read_as(model, prediction.task),
+        "looked_for": looked_for(model, prediction.task),
         "taxonomy": taxonomy(prediction),
         "hands_asked": question.hands,
         "hands": chosen(prediction),
@@ -48,6 +50,12 @@ def record(answer: Answer, model: ModelFolder) -> dict[str, Any]:
         "model": {"name": model.name, "digest": model.digest},
         "timing_ms": {"cpu": round(answer.cpu_ms, 3), "wall": round(answer.wall_ms, 3)},
     }  # fmt: skip
+
+
+def looked_for(model: ModelFolder, task: str) -> list[str]:
+    """Unknown words of a task for things that the model looks for by their classes of ImageNet."""
+    unknown = unknown_words(model, task) or []
+    return [word for word in unknown if named_classes(word)] if unknown and read_config(model.folder).classes else []
 
 
 def brief(answer: Answer, folder: str) -> dict[str, Any]:

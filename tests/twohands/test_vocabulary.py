@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from afford.twohands import prediction_files
 from afford.twohands.model import model_folder
 from afford.twohands.model.model_folder import Vocabulary
 from tests.helpers import tiny_asked
@@ -72,6 +74,19 @@ def test_predict_warns_of_unknown_words(model: Path, tmp_path: Path) -> None:
     assert json.loads((tmp_path / "out" / "kettle" / "prediction.json").read_text())["unknown_words"] == ["zorgblatt"]
     done = call("predict", image, "pour tea", "--out", tmp_path / "out", "--model", model, "--json")
     assert done.json["unknown_words"] == [] and "unknown words" not in done.words
+
+
+def test_predict_names_what_is_looked_for_by_class(model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A thing that no training showed and that has a class, where the model has classes; other unknown words still warn."""
+    image, found = tiny_asked.write_picture(tmp_path / "kettle.png"), model_folder.read_config(model)
+    for classes, wanted in ((True, ["banana"]), (False, [])):
+        monkeypatch.setattr(prediction_files, "read_config", lambda _, classes=classes: replace(found, classes=classes))
+        done = call("predict", image, "peel zorgblatt banana", "--out", tmp_path / f"out{classes}", "--model", model, "--json")
+        assert done.json["looked_for"] == wanted and "banana" in done.json["unknown_words"]
+        assert ("looked for banana" in done.words) is classes
+        assert "unknown words" in done.words and "zorgblatt" in done.words.partition("unknown words")[2].partition(":")[0]
+        record = json.loads((tmp_path / f"out{classes}" / "kettle" / "prediction.json").read_text())
+        assert record["looked_for"] == wanted
 
 
 def test_a_model_without_words_claims_nothing(tmp_path: Path) -> None:

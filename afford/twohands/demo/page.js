@@ -159,8 +159,14 @@ function describe() {
   const readAs = Object.entries(answer.read_as ?? {}).map(([word, other]) => `“${word}” as “${other}”`);
   $("read-as").hidden = !readAs.length;
   $("read-as").textContent = `Read ${readAs.join(", ")}: words of the training that stand in.`;
+  const quoted = (words) => words.map((word) => `“${word}”`).join(", ");
+  const lookedFor = answer.looked_for ?? [], strange = unknown.filter((word) => !lookedFor.includes(word));
+  const sentences = [
+    lookedFor.length && `The training did not contain ${quoted(lookedFor)}, which the classifier of the image encoder looks for.`,
+    strange.length && `The training of this model did not contain ${quoted(strange)}, so that the answer may mean little. The known words are below.`,
+  ];
   $("unknown").hidden = !unknown.length;
-  $("unknown").textContent = `The training of this model did not contain ${unknown.map((word) => `“${word}”`).join(", ")}, so that the answer may mean little. The known words are below.`;
+  $("unknown").textContent = sentences.filter(Boolean).join(" ");
   $("pairs").hidden = !(answer.left.selected && answer.right.selected);
   $("taxonomy").replaceChildren(...Object.entries(answer.taxonomy.probabilities).flatMap(([name, value]) => {
     const className = name === answer.taxonomy.label ? "likeliest" : "";
