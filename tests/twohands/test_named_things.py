@@ -103,7 +103,7 @@ def test_a_predictor_hands_on_the_words_that_were_asked(monkeypatch: pytest.Monk
 
 
 def test_a_file_without_the_backbone_gets_its_classifier_too(tmp_path: Path) -> None:
-    """Only a model that reads the classifier's scores is completed with the classifier."""
+    """A model that reads the classifier's scores is completed with the classifier, another one is not."""
     torch.manual_seed(1)
     torch.save(EfficientNetLite0(COUNT).state_dict(), tmp_path / FILE)
     for classes in (True, False):

@@ -20,7 +20,7 @@ def test_equal_seeds_give_equal_noise() -> None:
 
 
 def test_noise_changes_the_scale_and_the_mean_of_channels_alone() -> None:
-    """What a channel shows, apart from its mean and scale, is as before; about half of the samples are as before in all."""
+    """Each channel shows the same apart from its mean and scale; about half of the samples are as before in all."""
     before = features(400)
     after = with_style_noise(before, 0.3, 1)
     same = torch.stack([(a == b).flatten(1).all(1) for a, b in zip(before, after, strict=True)])
@@ -35,6 +35,6 @@ def test_noise_changes_the_scale_and_the_mean_of_channels_alone() -> None:
 
 
 def test_a_channel_of_one_place_stays_finite() -> None:
-    """It has no scale, so that there is nothing to shift by."""
+    """Such a channel has no scale to shift by."""
     (one,) = with_style_noise([torch.ones(8, 3, 1, 1)], 0.3, 2)
     assert torch.equal(one, torch.ones(8, 3, 1, 1))

@@ -5,10 +5,10 @@ A thing without a class of its own (scissors, a fork) has none here; the model t
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import cache
 
 from afford.models.word_vectors import split_words
-from afford.twohands.model.stand_ins import base_forms
 
 THINGS = 2
 """things of a task that are looked for, in the order of its words"""
@@ -80,3 +80,16 @@ def named_classes(task: str) -> tuple[tuple[int, ...], ...]:
     """Positions in `SHOWN` of the classes of the first `THINGS` different things with classes that a task names."""
     found = (by_word().get(form) for word in split_words(task) for form in base_forms(word))
     return tuple(dict.fromkeys(one for one in found if one))[:THINGS]
+
+
+def base_forms(word: str) -> Iterator[str]:
+    """Yield the word and what it may be a form of: cups, cup; cutting, cut; taking, take; poured, pour."""
+    yield word
+    for ending in ("s", "es", "ing", "ed", "d"):
+        if word.endswith(ending) and len(word) > len(ending) + 2:
+            stem = word.removesuffix(ending)
+            yield stem
+            if ending == "ing":
+                yield f"{stem}e"
+                if stem[-1] == stem[-2]:
+                    yield stem[:-1]

@@ -1,4 +1,4 @@
-"""Where a classifier of photographs sees the things that a task names.
+"""Places where a classifier of photographs sees the things that a task names.
 
 A classifier that averages over the picture at its end scores every class at every place (class activation maps, Zhou et al. 2016).
 ImageNet has a thousand kinds of things, so a kind that no affordance was learned for is found, too.

@@ -6,11 +6,11 @@ A model reads an unknown word by its letters, which is no better than noise. A c
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from functools import cache
 from typing import NamedTuple
 
 from afford.models.word_vectors import split_words
+from afford.twohands.model.class_words import base_forms
 from afford.twohands.model.model_folder import ModelFolder, Vocabulary
 
 ALIKE: dict[tuple[str, ...], str] = {
@@ -104,16 +104,3 @@ def _stand_in(word: str, known: Vocabulary) -> str | None:
         if form in known.words:
             return form
     return next((other for form in base_forms(word) for other in stand_ins().get(form, ()) if other in known.words), None)
-
-
-def base_forms(word: str) -> Iterator[str]:
-    """Yield the word and what it may be a form of: cups, cup; cutting, cut; taking, take; poured, pour."""
-    yield word
-    for ending in ("s", "es", "ing", "ed", "d"):
-        if word.endswith(ending) and len(word) > len(ending) + 2:
-            stem = word.removesuffix(ending)
-            yield stem
-            if ending == "ing":
-                yield f"{stem}e"
-                if stem[-1] == stem[-2]:
-                    yield stem[:-1]

@@ -1,7 +1,7 @@
 """Noise on the style of features in training, so that a model relies less on the look of the pictures that it learns from.
 
-Mean and scale of a channel over a picture follow its light, its colours and its renderer more than what it shows. They are drawn
-anew around their values for half of the samples (after Li et al. 2022, DSU, which draws them as widely as they vary in a batch).
+Mean and scale of a channel over a picture follow its light, its colours and its renderer more than what it shows. They are
+drawn around their values for half of the samples (after Li et al. 2022, DSU, which draws them as widely as they vary in a batch).
 """
 
 from __future__ import annotations
