@@ -55,7 +55,10 @@ def record(answer: Answer, model: ModelFolder) -> dict[str, Any]:
 def looked_for(model: ModelFolder, task: str) -> list[str]:
     """Unknown words of a task for things that the model looks for by their classes of ImageNet."""
     unknown = unknown_words(model, task) or []
-    return [word for word in unknown if named_classes(word)] if unknown and read_config(model.folder).classes else []
+    if not unknown or not read_config(model.folder).classes:
+        return []
+    sought = set(named_classes(task))
+    return [word for word in unknown if sought & set(named_classes(word))]
 
 
 def brief(answer: Answer, folder: str) -> dict[str, Any]:

@@ -12,12 +12,17 @@ import torch
 from afford.models.efficientnet_lite import CLASSES as COUNT
 from afford.models.efficientnet_lite import EfficientNetLite0
 from afford.models.encoder_place import FILE
+from afford.models.weights import weight_files
 from afford.twohands.model import lite
 from afford.twohands.model.class_words import CLASSES, SHOWN, by_word, named_classes
 from afford.twohands.model.interface import Batch, ModelConfig, Output, build
 from afford.twohands.model.model_folder import Vocabulary
 from afford.twohands.model.named_things import PER_THING, UNSURE, evidence, named_logits
 from afford.twohands.model.predictor import Predictor
+from stages.extraction import dataset_pack
+from stages.twohands import model_train
+from tests.helpers.made_samples import Scratch, clip
+from tests.helpers.tiny_root import digest
 
 TINY = ModelConfig(variant="lite", size_px=(64, 96), widths=(16, 24, 32), depth=1, decoder_depth=1, text_buckets=512, hypotheses=1,
                    classes=True)  # fmt: skip
@@ -100,6 +105,21 @@ def test_a_predictor_hands_on_the_words_that_were_asked(monkeypatch: pytest.Monk
     predictor.words = Vocabulary(("lift",), ("mug",), ("lift", "mug"))
     predictor.predict(np.zeros((64, 96, 3), np.uint8), "lift cup", looks=1)
     assert seen[0].task == ("lift mug",) * 2 and seen[0].asked == ("lift cup",) * 2
+
+
+def test_a_training_with_classes_and_noise_repeats_to_the_byte(tmp_path: Path) -> None:
+    """Things left out, words replaced and noise are functions of the seed, on two threads as well."""
+    torch.manual_seed(1)
+    torch.save(EfficientNetLite0(COUNT).state_dict(), tmp_path / FILE)
+    packed = dataset_pack.run((clip("P01_01", 8, split="train"), clip("P01_02", 4, split="val")),
+                              dataset_pack.Params(sheet_samples=1), Scratch(tmp_path / "packed"))  # fmt: skip
+    params = model_train.Params(variant="lite", steps=3, batch=2, warmup=1, validate_every=0, val_samples=2, height_px=64,
+                                width_px=96, zoom=1.0, classes=True, style_noise=0.3)  # fmt: skip
+    digests = []
+    for n, one in enumerate((params, params, replace(params, style_noise=0.0))):
+        made = model_train.run(packed, one, Scratch(tmp_path / str(n)), weights=weight_files(str(tmp_path / FILE), digest))
+        digests.append(made.files.find("model/model.safetensors").digest)
+    assert digests[0] == digests[1] != digests[2]
 
 
 def test_a_file_without_the_backbone_gets_its_classifier_too(tmp_path: Path) -> None:

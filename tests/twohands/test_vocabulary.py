@@ -77,14 +77,16 @@ def test_predict_warns_of_unknown_words(model: Path, tmp_path: Path) -> None:
 
 
 def test_predict_names_what_is_looked_for_by_class(model: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A thing that no training showed and that has a class, where the model has classes; other unknown words still warn."""
+    """The two things that are looked for, where the model has classes; a third one and other unknown words still warn."""
     image, found = tiny_asked.write_picture(tmp_path / "kettle.png"), model_folder.read_config(model)
-    for classes, wanted in ((True, ["banana"]), (False, [])):
+    for classes, wanted in ((True, ["banana", "lemons"]), (False, [])):
         monkeypatch.setattr(prediction_files, "read_config", lambda _, classes=classes: replace(found, classes=classes))
-        done = call("predict", image, "peel zorgblatt banana", "--out", tmp_path / f"out{classes}", "--model", model, "--json")
+        done = call("predict", image, "peel zorgblatt banana, lemons and apple", "--out", tmp_path / f"out{classes}", "--model", model,
+                    "--json")  # fmt: skip
         assert done.json["looked_for"] == wanted and "banana" in done.json["unknown_words"]
         assert ("looked for banana" in done.words) is classes
-        assert "unknown words" in done.words and "zorgblatt" in done.words.partition("unknown words")[2].partition(":")[0]
+        warned = done.words.partition("unknown words")[2].partition(":")[0]
+        assert "zorgblatt" in warned and "apple" in warned and ("banana" in warned) is not classes
         record = json.loads((tmp_path / f"out{classes}" / "kettle" / "prediction.json").read_text())
         assert record["looked_for"] == wanted
 
