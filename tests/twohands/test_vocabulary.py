@@ -81,13 +81,13 @@ def test_predict_names_what_is_looked_for_by_class(model: Path, tmp_path: Path, 
     image, found = tiny_asked.write_picture(tmp_path / "kettle.png"), model_folder.read_config(model)
     for classes, wanted in ((True, ["banana", "lemons"]), (False, [])):
         monkeypatch.setattr(prediction_files, "read_config", lambda _, classes=classes: replace(found, classes=classes))
-        done = call("predict", image, "peel zorgblatt banana, lemons and apple", "--out", tmp_path / f"out{classes}", "--model", model,
-                    "--json")  # fmt: skip
+        task, out = "peel zorgblatt banana, lemons and apple", tmp_path / f"out{classes}"
+        done = call("predict", image, task, "--out", out, "--model", model, "--json")
         assert done.json["looked_for"] == wanted and "banana" in done.json["unknown_words"]
         assert ("looked for banana" in done.words) is classes
         warned = done.words.partition("unknown words")[2].partition(":")[0]
         assert "zorgblatt" in warned and "apple" in warned and ("banana" in warned) is not classes
-        record = json.loads((tmp_path / f"out{classes}" / "kettle" / "prediction.json").read_text())
+        record = json.loads((out / "kettle" / "prediction.json").read_text())
         assert record["looked_for"] == wanted
 
 
