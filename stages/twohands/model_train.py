@@ -80,18 +80,22 @@ class Params(Optimisation):
     """share of samples that are mirrored, with hands and words"""
     crop_share: float = 0.8
     """share of samples that are cropped around their objects"""
+    wide_share: float = 0.0
+    """share of crops that show more around the objects"""
     stretch_share: float = 0.5
     """share of samples that are made wider or narrower"""
-    nameless_share: float = 0.0
-    """share of samples that are cropped and whose nouns are replaced by random words"""
     colour_share: float = 0.5
     """share of samples whose colours are changed"""
     residue_share: float = 0.0
     """share of samples with places as inpainting of hands leaves them"""
+    pasted_share: float = 0.0
+    """share of samples whose objects are shown before the picture of another sample"""
     classes: bool = False
     """lite: let the classifier of the image encoder point at the things that a task names; not without text"""
     unnamed_share: float = 0.4
     """lite with classes: share of samples whose nouns are random words, so that the classes alone say which thing is meant"""
+    sure_share: float = 0.0
+    """lite with classes: share of samples where the classifier is made to be sure of the things"""
     unseen_share: float = 0.2
     """lite with classes: share of samples without the classes of their things"""
     style_noise: float = 0.0
@@ -126,9 +130,10 @@ VLM = Params(variant="vlm", height_px=1024, width_px=1024, steps=5000, batch=2, 
 CLIP = replace(VLM, variant="clip", checkpointing=False)
 """the same for 2HAff-CLIP"""
 QUICK = Params(variant="lite", height_px=160, width_px=192, steps=1300, validate_every=650, coarse_share=0.25,
-                classes=True, style_noise=0.3)  # fmt: skip
+                wide_share=0.3, classes=True, style_noise=0.3)  # fmt: skip
 """parameters of `make train`"""
-RELEASE = replace(QUICK, recipe="release", height_px=192, width_px=256, steps=3000, validate_every=1000, coarse_share=0.53)
+RELEASE = replace(QUICK, recipe="release", height_px=192, width_px=256, steps=3000, validate_every=1000, coarse_share=0.53,
+                  wide_share=0.6, pasted_share=0.6, unnamed_share=0.3)  # fmt: skip
 """parameters of the shipped model"""
 CODE = {"loss_mode": "code", "mask_loss": "bce", "lr": 1e-3}
 """parameters in which the released script differs from the paper"""
@@ -185,8 +190,9 @@ def training_job(p: Params, recipe: Recipe | None = None) -> TwoHandsJob:
                         object_weight=p.object_weight, centre_weight=p.centre_weight,
                         taxonomy_weight=float(recipe.taxonomy) if recipe else 1.0),
         division=Split(p.split_by, p.val_fraction, p.seed),
-        views=Augmentation(p.flip_share, p.crop_share, stretch_share=p.stretch_share, nameless_share=p.nameless_share,
-                    colour_share=p.colour_share, residue_share=p.residue_share,
+        views=Augmentation(p.flip_share, p.crop_share, wide_share=p.wide_share, stretch_share=p.stretch_share,
+                    colour_share=p.colour_share, residue_share=p.residue_share, pasted_share=p.pasted_share,
+                    sure_share=p.sure_share if classes else 0.0,
                     unnamed_share=p.unnamed_share if classes else 0.0, unseen_share=p.unseen_share if classes else 0.0),
         coarse_share=p.coarse_share if light else 0.0,
         batch=p.batch, balance=p.balance, val_samples=p.val_samples, zoom=p.zoom, target=p.target, seed=p.seed,

@@ -17,12 +17,17 @@ from afford.twohands.model import lite
 from afford.twohands.model.class_words import CLASSES, SHOWN, by_word, named_classes
 from afford.twohands.model.interface import Batch, ModelConfig, Output, build
 from afford.twohands.model.model_folder import Vocabulary
-from afford.twohands.model.named_things import PER_THING, UNSURE, evidence, named_logits
+from afford.twohands.model.named_things import PER_THING, UNSURE, evidence, membership, named_logits, raised
 from afford.twohands.model.predictor import Predictor
 from stages.extraction import dataset_pack
 from stages.twohands import model_train
 from tests.helpers.made_samples import Scratch, clip
 from tests.helpers.tiny_root import digest
+
+
+def named(*tasks: str) -> torch.Tensor:
+    return membership([named_classes(task) for task in tasks], len(SHOWN), torch.device("cpu"))
+
 
 TINY = ModelConfig(variant="lite", size_px=(64, 96), widths=(16, 24, 32), depth=1, decoder_depth=1, text_buckets=512, hypotheses=1,
                    classes=True)  # fmt: skip
@@ -54,7 +59,7 @@ def test_evidence_is_highest_where_the_thing_is_seen() -> None:
     """Planes of a thing peak at its place; those of a missing thing are zero."""
     scores = torch.zeros(2, 3, 4, len(SHOWN))
     scores[0, 1, 2, named_classes("lift cup")[0][0]] = 9.0
-    planes = evidence(scores, [named_classes("lift cup"), ()])
+    planes = evidence(scores, named("lift cup", "take it"))
     assert planes.shape == (2, 1 + 2 * PER_THING, 3, 4)
     assert all(int(plane.argmax()) == 1 * 4 + 2 for plane in planes[0, :3])
     assert bool((planes[0, 3] == 1).all()) and not planes[0, 4:].any() and not planes[1, 1:].any()
@@ -64,20 +69,29 @@ def test_logits_are_raised_where_the_classifier_is_sure() -> None:
     """No task without things changes a region, and no place is raised by more than certainty allows."""
     scores = 8 * torch.randn(2, 3, 4, len(SHOWN), generator=torch.Generator().manual_seed(0))
     scores[0, 1, 2, named_classes("lift cup")[0][0]] = 60.0
-    raised = named_logits(scores, [named_classes("pour tea from kettle into cup"), ()])
-    assert raised.shape == (2, 1, 3, 4) and not raised[1].any() and bool((raised >= 0).all())
-    assert int(raised[0].argmax()) == 1 * 4 + 2
-    assert raised.max() == pytest.approx(np.log((1 + UNSURE) / UNSURE), abs=1e-4)
+    found = named_logits(scores, named("pour tea from kettle into cup", "take it"))
+    assert found.shape == (2, 1, 3, 4) and not found[1].any() and bool((found >= 0).all())
+    assert int(found[0].argmax()) == 1 * 4 + 2
+    assert found.max() == pytest.approx(np.log((1 + UNSURE) / UNSURE), abs=1e-4)
 
 
-def test_a_prediction_trusts_the_classifier_more_than_a_training(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_scores_rise_where_a_training_makes_the_classifier_sure() -> None:
+    """Classes of the thing rise by the mean of the gain over a place; other classes and other samples stay."""
+    scores, gain = torch.zeros(2, 2, 3, len(SHOWN)), torch.zeros(2, 2, 4, 6)
+    gain[0, 1, 2:, 4:] = 8.0
+    more, cup = raised(scores, named("pour tea from kettle into cup", "lift cup"), gain), list(named_classes("cup")[0])
+    assert more[0, 1, 2, cup].tolist() == [8.0] * len(cup)
+    more[0, 1, 2, cup] = 0
+    assert not more.any()
+
+
+def test_a_prediction_trusts_the_classifier_more_than_a_training() -> None:
     """Regions of a prediction and of a training step differ by the logits of the named thing alone."""
     model, batch = build(TINY, 0), Batch(torch.rand(1, 3, 64, 96), ("lift cup",))
     with torch.no_grad():
-        step, said = model.train()(batch).logits, model.eval()(batch).logits
-        monkeypatch.setattr(lite, "TRUST", 1.0)
-        assert torch.allclose(model(batch).logits, step, atol=1e-5)
-    assert bool((said >= step - 1e-5).all()) and not torch.allclose(said, step)
+        step, found = model.train()(batch).logits, model.eval()(batch).logits
+        assert torch.allclose(build(replace(TINY, trust=1.0), 0).eval()(batch).logits, step, atol=1e-5)
+    assert bool((found >= step - 1e-5).all()) and not torch.allclose(found, step)
 
 
 def test_a_word_of_no_training_chooses_by_its_class() -> None:

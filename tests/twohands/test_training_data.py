@@ -17,6 +17,7 @@ from afford.training.sampler import BalancedSampler
 from afford.twohands.train import samples as data
 from afford.twohands.train.augment import Augmentation, augment, benchmark_crop, mask_centre, replace_nouns, uncropped
 from afford.twohands.train.sample_stream import shrink
+from afford.twohands.train.sure_classes import GAIN, sure_places
 from afford.twohands.train.task import Batches, InputSize
 from afford.twohands.train.validation import THRESHOLDS, iou_and_precision
 from stages.extraction import dataset_pack
@@ -182,7 +183,7 @@ def test_views_are_seeded_and_keep_picture_and_masks_together(packed: data.Files
         assert np.array_equal(seen.image, augment(painted, plain, 1, n).item.image)
         assert np.array_equal(seen.image[..., 0] > 0, seen.masks[2:].any(0))
         assert sorted(seen.masks.sum((1, 2))) == sorted(item.masks.sum((1, 2)))
-    mirrored = augment(samples[0], Augmentation(1, 0, colour_share=0, stretch_share=0, nameless_share=0), 1, 0).item
+    mirrored = augment(samples[0], Augmentation(1, 0, colour_share=0, stretch_share=0), 1, 0).item
     assert mirrored.narration == "pick up the right mug with the left hand" and mirrored.taxonomy == 1
     assert np.array_equal(mirrored.masks[1], samples[0].masks[0, :, ::-1])
     box = benchmark_crop(samples[0], Augmentation(margin=0)).item.masks[2:].any(0)
@@ -196,7 +197,7 @@ def test_change_width_keeps_height_and_shares(packed: data.Files) -> None:
     """The width changes by at most the factors; height and the share of each mask are kept."""
     item = next(iter(read_items(packed, "train")))
     for n in range(8):
-        widened = Augmentation(0, 0, stretch_share=1, stretch_range=(0.5, 2.0), nameless_share=0, colour_share=0)
+        widened = Augmentation(0, 0, stretch_share=1, stretch_range=(0.5, 2.0), colour_share=0)
         seen = augment(item, widened, 1, n).item
         (height, width), (before, across) = seen.image.shape[:2], item.image.shape[:2]
         assert height == before and across // 2 <= width <= 2 * across and seen.masks.shape == (4, height, width)
@@ -213,26 +214,25 @@ def test_a_view_knows_where_it_is_in_the_picture(packed: data.Files) -> None:
         assert np.allclose(mirrored, wanted * [-1, 1], atol=1e-6) and np.abs(wanted).max() <= 1
 
 
-def test_samples_with_replaced_nouns_are_cropped(packed: data.Files) -> None:
-    """Each noun becomes its own random word, other words are kept, and the sample is cropped."""
+def test_nouns_are_replaced_by_random_words(packed: data.Files) -> None:
+    """Each noun becomes its own random word, and other words are kept."""
     item = replace(next(iter(read_items(packed, "train"))), narration="pour from can into mug, canned", object_left="can",
                    object_right="mug", noun="can")  # fmt: skip
     words = replace_nouns(item, np.random.default_rng(0)).narration.split()
     assert words[:2] + words[3:4] + words[5:] == ["pour", "from", "into", "canned"]
     assert words[2] != words[4].rstrip(",") and not {"can", "mug"} & {words[2], words[4].rstrip(",")}
-    seen = augment(item, Augmentation(0, 0, nameless_share=1, colour_share=0, stretch_share=0), 1, 0).item
-    assert seen.image.size < item.image.size and "mug" not in seen.narration.split()
 
 
 def test_some_samples_are_asked_for_by_their_classes_alone(packed: data.Files) -> None:
     """Nouns become random words and the task is kept beside them; without classes, or without the classes, a task stays."""
     item = replace(next(iter(read_items(packed, "train"))), narration="pour from can into mug", object_left="can",
                    object_right="mug", noun="can")  # fmt: skip
-    plain = Augmentation(0, 0, colour_share=0, stretch_share=0)
+    plain = Augmentation(0, 1, colour_share=0, stretch_share=0)
     unnamed, unseen = replace(plain, unnamed_share=1), replace(plain, unseen_share=1)
     seen = augment(item, unnamed, 1, 0)
     assert seen.asked == item.narration and [seen.item.narration.split()[n] for n in (0, 1, 3)] == ["pour", "from", "into"]
-    assert seen.item.image.shape == item.image.shape and not {"can", "mug"} & set(seen.item.narration.split())
+    assert seen.item.image.size < item.image.size and not {"can", "mug"} & set(seen.item.narration.split())
+    assert augment(item, replace(unnamed, crop_share=0), 1, 0).item.narration == item.narration
     scissors = replace(item, narration="take scissors", object_left="scissors", object_right="", noun="scissors")
     assert augment(scissors, unnamed, 1, 0).item.narration == "take scissors"
     assert augment(item, unseen, 1, 0).asked == "" and augment(item, unseen, 1, 0).item.narration == item.narration
@@ -241,6 +241,47 @@ def test_some_samples_are_asked_for_by_their_classes_alone(packed: data.Files) -
     drawn = [augment(item, shares, 1, position) for position in range(200)]
     assert 70 < sum(one.item.narration != item.narration for one in drawn) < 130
     assert 30 < sum(one.asked == "" for one in drawn) < 70
+
+
+def test_the_classifier_is_made_sure_on_the_things_that_are_named(packed: data.Files) -> None:
+    """Gains lie on the object of each thing, now and then elsewhere; a thing without classes, or outside the picture, has none."""
+    item = next(iter(read_items(packed, "train")))
+    masks = np.zeros((4, *item.image.shape[:2]), bool)
+    masks[2, :20, :20] = masks[3, 40:60, 50:60] = True
+    item = replace(item, masks=masks, narration="pour from can into mug", object_left="can", object_right="mug", noun="can")
+    drawn = [sure_places(item, np.random.default_rng(seed)) for seed in range(60)]
+    for side in range(2):
+        gains = [one[side] for one in drawn if one is not None]
+        assert len(gains) == 60 and all(0 < gain.max() <= GAIN[1] for gain in gains)
+        assert 40 < sum(not gain[~masks[2 + side]].any() for gain in gains) < 60
+    assert sure_places(replace(item, narration="take scissors", object_left="scissors"), np.random.default_rng(0)) is None
+    alone = replace(item, masks=masks * np.array([1, 1, 0, 1], bool)[:, None, None])
+    only = sure_places(alone, np.random.default_rng(0))
+    assert only is not None and not only[0].any() and only[1].any()
+    whole = augment(item, Augmentation(0, 0, colour_share=0, stretch_share=0, unnamed_share=1, sure_share=1), 1, 0)
+    assert whole.sure is not None and not {"can", "mug"} & set(whole.item.narration.split())
+
+
+def test_objects_are_shown_before_another_picture(packed: data.Files) -> None:
+    """Inside the objects a sample keeps its pixels, elsewhere it has those of the other picture; labels stay."""
+    item = next(iter(read_items(packed, "train")))
+    masks = np.zeros((4, *item.image.shape[:2]), bool)
+    masks[2, 10:40, 10:50] = True
+    item, plain = replace(item, masks=masks), Augmentation(0, 0, colour_share=0, stretch_share=0)
+    other = np.full((17, 23, 3), 255 - int(item.image.mean()), np.uint8)
+    seen = augment(item, plain, 1, 0, other).item
+    assert np.array_equal(seen.image[20:30, 20:40], item.image[20:30, 20:40]) and np.array_equal(seen.masks, masks)
+    assert (seen.image[50:, 60:] == other[0, 0]).all() and seen.narration == item.narration
+    nothing = replace(item, masks=np.zeros_like(masks))
+    assert np.array_equal(augment(nothing, plain, 1, 0, other).item.image, item.image)
+
+
+def test_wide_crops_show_more(packed: data.Files) -> None:
+    item = next(iter(read_items(packed, "train")))
+    close = Augmentation(0, 1, colour_share=0, stretch_share=0)
+    views = close, replace(close, wide_share=1)
+    near, far = ([augment(item, one, 1, position).item.image.size for position in range(20)] for one in views)
+    assert np.mean(far) > np.mean(near)
 
 
 def test_residue_changes_some_pixels_and_no_label(packed: data.Files) -> None:

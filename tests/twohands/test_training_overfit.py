@@ -20,7 +20,7 @@ from afford.twohands.train.task import Batches, InputSize, TwoHandsTask, validat
 
 SIZE = (96, 128)
 TASKS = ("take red cup", "take blue cup", "lift red tray", "open the jar")
-AS_IT_IS = Augmentation(flip_share=0, crop_share=0, stretch_share=0, nameless_share=0, colour_share=0)
+AS_IT_IS = Augmentation(flip_share=0, crop_share=0, stretch_share=0, colour_share=0)
 
 
 def sample(n: int) -> Item:

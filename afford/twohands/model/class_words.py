@@ -6,12 +6,14 @@ A thing without a class of its own (scissors, a fork) has none here; the model t
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import cache
+from functools import cache, lru_cache
 
 from afford.models.word_vectors import split_words
 
 THINGS = 2
 """things of a task that are looked for, in the order of its words"""
+KEPT = 4096
+"""tasks whose things are remembered"""
 CLASSES: dict[tuple[int, ...], str] = {
     # drinking and pouring
     (968, 504, 967): "cup mug teacup", (504, 441): "tankard", (572, 441, 966): "glass goblet tumbler wineglass flute",
@@ -75,7 +77,7 @@ def by_word() -> dict[str, tuple[int, ...]]:
     return {word: tuple(map(SHOWN.index, classes)) for classes, words in CLASSES.items() for word in words.split()}
 
 
-@cache
+@lru_cache(KEPT)
 def named_classes(task: str) -> tuple[tuple[int, ...], ...]:
     """Positions in `SHOWN` of the classes of the first `THINGS` different things with classes that a task names."""
     found = (by_word().get(form) for word in split_words(task) for form in base_forms(word))

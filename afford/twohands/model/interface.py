@@ -46,6 +46,8 @@ class ModelConfig:
     """dropout of the transformers of small; that of LoRA is `lora_dropout`"""
     classes: bool = False
     """lite: where the backbone's classifier sees the things that the task names (named_things.py)"""
+    trust: float = 1.5
+    """lite: weight of what the classifier sees in a prediction; 1 in training"""
     style_noise: float = 0.0
     """lite: strength of the noise on the style of its backbone's features in training (style_noise.py)"""
     backbones: str = ""
@@ -98,6 +100,8 @@ class Batch(NamedTuple):
     """seed of the noise that a training adds to features; None for none"""
     asked: tuple[str, ...] | None = None
     """the tasks as they were asked, where `task` has stand-ins for unknown words"""
+    sure: Tensor | None = None
+    """(b, THINGS, h, w), in training: added to the scores of the classes of each thing (`AugmentedSample.sure`)"""
 
 
 class Target(NamedTuple):

@@ -18,7 +18,7 @@ from afford.models.word_vectors import WordVectors
 from afford.twohands.model.backbones import freeze
 from afford.twohands.model.class_words import SHOWN, named_classes
 from afford.twohands.model.interface import Batch, ModelConfig
-from afford.twohands.model.named_things import TRUST, NamedThings, named_logits
+from afford.twohands.model.named_things import NamedThings, membership, named_logits, raised
 from afford.twohands.model.small import Decoder, Encoder, Residual, Seen, Small, mlp
 from afford.twohands.model.style_noise import with_style_noise
 
@@ -34,7 +34,7 @@ class LiteEncoder(Encoder):
         self.stage4, self.stage8 = narrowed(WIDTHS[0], c4), nn.Sequential(narrowed(WIDTHS[1], c8), Residual(c8))
         self.plain16 = narrowed(WIDTHS[2] + WIDTHS[3], c16)
         self.things = NamedThings(c16) if config.classes else None
-        self.backbone, self.style_noise = backbone, config.style_noise
+        self.backbone, self.style_noise, self.trust = backbone, config.style_noise, config.trust
         freeze(backbone)
 
     def train(self, mode: bool = True) -> LiteEncoder:
@@ -53,9 +53,12 @@ class LiteEncoder(Encoder):
         wide = interpolate(seen.stride32, seen.stride16.shape[2:], mode="bilinear", align_corners=False)
         plain16, named = self.plain16(cat([seen.stride16, wide], dim=1)), None
         if self.things and scores is not None:
-            things = [named_classes(task) for task in (batch.task if batch.asked is None else batch.asked)]
+            asked = batch.task if batch.asked is None else batch.asked
+            things = membership([named_classes(task) for task in asked], len(SHOWN), scores.device)
+            if batch.sure is not None:
+                scores = raised(scores, things, batch.sure)
             plain16 = plain16 + self.things(scores, things, plain16.shape[2:])
-            named = named_logits(scores, things, 1.0 if self.training else TRUST)
+            named = named_logits(scores, things, 1.0 if self.training else self.trust)
         return Seen(self.stage4(seen.stride4), self.stage8(seen.stride8), plain16, named)
 
 

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import torch
 from torch import Size, Tensor, cat, nn
-from torch.nn.functional import interpolate
+from torch.nn.functional import adaptive_avg_pool2d, interpolate
 
 from afford.twohands.model.class_words import THINGS
 
@@ -22,8 +22,6 @@ SCALE = 0.1
 """on scores, which go up to about 20"""
 UNSURE = 0.03
 """probability of a thing below which a classifier does not know"""
-TRUST = 1.5
-"""weight of what the classifier sees in a prediction; 1 in training, on rendered pictures, which it knows less than photographs"""
 
 
 class NamedThings(nn.Module):
@@ -33,31 +31,40 @@ class NamedThings(nn.Module):
         super().__init__()
         self.read = nn.Sequential(nn.Conv2d(1 + THINGS * PER_THING, width, 1), nn.ReLU(), nn.Conv2d(width, width, 1))
 
-    def forward(self, scores: Tensor, named: Named, size: Size) -> Tensor:
-        """Logits (b, h, w, len(SHOWN)) and the things of each task -> features (b, width, *size)."""
+    def forward(self, scores: Tensor, named: Tensor, size: Size) -> Tensor:
+        """Logits (b, h, w, n) and the classes of the things (b, THINGS, n) of each task -> features (b, width, *size)."""
         return self.read(interpolate(evidence(scores, named), size, mode="bilinear", align_corners=False))
 
 
-def evidence(scores: Tensor, named: Named) -> Tensor:
+def membership(named: Named, count: int, device: torch.device) -> Tensor:
+    """(b, THINGS, count) bool: which of `count` classes show each thing; none for a thing that is missing."""
+    out = torch.zeros(len(named), THINGS, count, dtype=torch.bool)
+    for row, things in zip(out, named, strict=True):
+        for plane, ids in zip(row, things, strict=False):
+            plane[list(ids)] = True
+    return out.to(device)
+
+
+def raised(scores: Tensor, named: Tensor, more: Tensor) -> Tensor:
+    """Logits (b, h, w, n) with `more` (b, THINGS, h', w') added to those of the classes of each thing (b, THINGS, n)."""
+    more = adaptive_avg_pool2d(more, (scores.shape[1], scores.shape[2]))
+    return scores + torch.einsum("bthw,btn->bhwn", more, named.to(more))
+
+
+def evidence(scores: Tensor, named: Tensor) -> Tensor:
     """Planes (b, 1 + THINGS * PER_THING, h, w): the best score of all classes, then those of each thing; 0 without a thing."""
-    best, whole = scores.amax(-1, keepdim=True), scores.logsumexp(-1, keepdim=True)
-    rows = []
-    for one, classes in enumerate(named):
-        planes = [SCALE * best[one]]
-        for ids in classes:
-            mine = scores[one, ..., list(ids)]
-            planes += [SCALE * mine.amax(-1, keepdim=True), SCALE * (mine.logsumexp(-1, keepdim=True) - whole[one]),
-                       torch.ones_like(whole[one])]  # fmt: skip
-        planes += [torch.zeros_like(whole[one])] * (1 + THINGS * PER_THING - len(planes))
-        rows.append(cat(planes, dim=-1))
-    return torch.stack(rows).permute(0, 3, 1, 2)
+    there = named.any(-1)[..., None, None]
+    highest = scores[:, None].masked_fill(~named[:, :, None, None], -torch.inf).amax(-1)
+    planes = torch.stack([highest, log_probability(scores, named), torch.ones_like(highest)], dim=2)
+    of_things = (planes * planes.new_tensor((SCALE, SCALE, 1.0))[:, None, None]).masked_fill(~there[:, :, None], 0)
+    return cat([SCALE * scores.amax(-1)[:, None], of_things.flatten(1, 2)], dim=1)
 
 
-def named_logits(scores: Tensor, named: Named, trust: float = 1.0) -> Tensor:
+def log_probability(scores: Tensor, named: Tensor) -> Tensor:
+    """Logarithm of the probability (b, THINGS, h, w) of each thing at every place, from logits (b, h, w, n); -inf without one."""
+    return scores.log_softmax(-1)[:, None].masked_fill(~named[:, :, None, None], -torch.inf).logsumexp(-1)
+
+
+def named_logits(scores: Tensor, named: Tensor, trust: float = 1.0) -> Tensor:
     """Logits (b, 1, h, w) to add to regions: 0 where no thing of a task is seen, 3.5 x `trust` where one surely is."""
-    probability = scores.softmax(-1)
-    rows = []
-    for one, things in enumerate(named):
-        seen = [probability[one, ..., list(ids)].sum(-1) for ids in things]
-        rows.append(torch.stack(seen).amax(0) if seen else torch.zeros_like(probability[one, ..., 0]))
-    return trust * ((torch.stack(rows) + UNSURE) / UNSURE).log()[:, None]
+    return trust * ((log_probability(scores, named).amax(1, keepdim=True).exp() + UNSURE) / UNSURE).log()

@@ -1,4 +1,4 @@
-"""Augmentation of training samples: mirror, crop to the objects, change the width, recolour, and replace nouns by random words.
+"""Augmentation of training samples: mirror, crop to the objects, change the width, the colours, what is behind them, and the nouns.
 
 Each has a seeded chance. `afford.dataset.augment` uses the same shares. A crop is the box alone, not placed on a black image of the
 original size, so that the model gets the same input as for a cropped picture at inference.
@@ -17,6 +17,7 @@ from afford.common.masks import BORDER, box
 from afford.dataset.augment import flip, recolour
 from afford.dataset.load import Item
 from afford.twohands.model.class_words import named_classes
+from afford.twohands.train.sure_classes import sure_places
 
 MIRROR = np.array([-1, 1], np.float32)
 
@@ -33,21 +34,28 @@ class Augmentation:
     """border around the objects' box in validation, as a share of the longer image side"""
     margin_range: tuple[float, float] = (0.02, 0.2)
     """range of the border in training, drawn for each side"""
+    wide_share: float = 0.0
+    """share of crops that show more around the objects"""
+    wide_range: tuple[float, float] = (0.05, 0.6)
+    """range of their border, drawn for each side"""
     stretch_share: float = 0.5
     """share of samples that are made wider or narrower"""
     stretch_range: tuple[float, float] = (0.8, 1.25)
     """range of the factor of their width"""
-    nameless_share: float = 0.0
-    """share of samples that are cropped and whose nouns are replaced by random words, so that only the picture shows the object"""
     colour_share: float = 0.5
     """share of samples whose colours are changed"""
     colour_range: tuple[float, float] = (0.6, 1.4)
     """range of the factors of brightness, contrast and saturation"""
     residue_share: float = 0.0
     """share of samples with one or two arm-shaped places as inpainting leaves them, anywhere in the picture"""
+    pasted_share: float = 0.0
+    """share of samples whose objects are shown before the picture of another sample"""
     unnamed_share: float = 0.0
     """share of samples whose things, where they have classes, are asked for by their classes alone: the nouns of the task become
-    random words (`AugmentedSample.asked`)"""
+    random words (`AugmentedSample.asked`). Not for a whole picture, unless its classifier is made to be sure: it hardly sees small
+    things, so that nothing would show which one is meant"""
+    sure_share: float = 0.0
+    """share of samples where the classifier is made to be sure of the things, as it often is on photographs (sure_classes.py)"""
     unseen_share: float = 0.0
     """share of samples without the classes of their things, so that a model can do without"""
 
@@ -60,33 +68,57 @@ class AugmentedSample(NamedTuple):
     """(2,) float32: centre of its objects in the whole picture, x to the right and y down, -1..1; NaN without objects"""
     asked: str = ""
     """the task whose things are looked for by their classes (`Batch.asked`); '' for none"""
+    sure: np.ndarray | None = None
+    """(THINGS, h, w) float32: what is added to the scores of the classes of each thing; None for nothing"""
 
 
-def augment(item: Item, views: Augmentation, seed: int, position: int) -> AugmentedSample:
-    """Augment a sample as a function of the seed and its position in the training."""
+def augment(item: Item, views: Augmentation, seed: int, position: int, behind: np.ndarray | None = None) -> AugmentedSample:
+    """Augment a sample as a function of the seed and its position in the training.
+
+    behind: picture (h, w, 3) uint8 of any size, before which its objects are shown; None for its own.
+    """
     rng = np.random.default_rng((seed, position))
-    flipped, crop, stretch, nameless, colour = rng.random(5) < [views.flip_share, views.crop_share, views.stretch_share,
-                                                                views.nameless_share, views.colour_share]  # fmt: skip
-    factors, margins = rng.uniform(*views.colour_range, 3), rng.uniform(*views.margin_range, 4)
-    item, at, _ = crop_to_objects(item, margins) if crop or nameless else uncropped(item)
+    shares = views.flip_share, views.crop_share, views.wide_share, views.stretch_share, views.colour_share, views.sure_share
+    flipped, crop, wide, stretch, colour, sure = rng.random(len(shares)) < shares
+    factors, margins = rng.uniform(*views.colour_range, 3), rng.uniform(*(views.wide_range if wide else views.margin_range), 4)
+    if behind is not None:
+        item = replace(item, image=before(item, behind, rng))
+    shown = crop_to_objects(item, margins) if crop else uncropped(item)
+    item, at = shown.item, shown.centre
     if flipped:
         item, at = flip(item), at * MIRROR
     if stretch:
         item = change_width(item, float(np.exp(rng.uniform(*np.log(views.stretch_range)))))
-    if nameless:
-        item = replace_nouns(item, rng)
     if colour:
         item = replace(item, image=recolour(item.image, *factors))
     if views.residue_share and rng.random() < views.residue_share:
         item = replace(item, image=leave_residue(item.image, rng))
-    asked = item.narration
+    asked, places = item.narration, sure_places(item, rng) if sure else None
     if views.unnamed_share or views.unseen_share:
         drawn = rng.random()
         if drawn < views.unseen_share:
-            asked = ""
-        elif drawn < views.unseen_share + views.unnamed_share and named_classes(asked):
+            asked, places = "", None
+        elif drawn < views.unseen_share + views.unnamed_share and named_classes(asked) and (crop or places is not None):
             item = replace_nouns(item, rng)
-    return AugmentedSample(item, at, asked)
+    return AugmentedSample(item, at, asked, places)
+
+
+def before(item: Item, behind: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Objects of a sample, at their places, before a part of another picture: (h, w, 3) uint8 with soft edges.
+
+    A sample without objects keeps its picture. Copy-paste (Ghiasi et al. 2021), with one picture.
+    """
+    mask = object_mask(item)
+    if not mask.any():
+        return item.image
+    height, width = mask.shape
+    scale = max(height / behind.shape[0], width / behind.shape[1]) * rng.uniform(1, 1.5)
+    size = max(width, round(scale * behind.shape[1])), max(height, round(scale * behind.shape[0]))
+    large = cv2.resize(np.ascontiguousarray(behind), size, interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR)
+    top, left = (int(rng.integers(have - want + 1)) for have, want in zip(large.shape, mask.shape, strict=False))
+    part = large[top : top + height, left : left + width]
+    share = cv2.GaussianBlur(mask.astype(np.float32), (0, 0), rng.uniform(0.5, 1.5))[..., None]
+    return np.rint(item.image * share + part * (1 - share)).astype(np.uint8)
 
 
 def uncropped(item: Item) -> AugmentedSample:
