@@ -52,14 +52,31 @@ def plan_only(runner: Runner, graph: Graph, stages: Iterable[str], clips: tuple[
 def shards_with_inputs(runner: Runner, graph: Graph, node: Node, clips: tuple[str, ...]) -> tuple[str, ...]:
     """Shards of this source on which the stage has run, with inputs of the same names.
 
-    With `clips`, only shards of these clips.
+    With `clips`, only shards of these clips. Where the plan does not name a shard, it is one of this source if it was computed from
+    some of the files of the source.
     """
     plans = runner.plan(graph, Handle(graph, node), shards=clips or None)
     heads = {plan.shard.split("/")[0] for plan in plans if plan.stage == node.name}
     traces = {shard: runner.traces.get(key) for shard, key in runner.traces.shards(node.name).items()}
     mine = {shard for shard, trace in traces.items() if trace and trace.inputs.keys() == {name for name, _ in node.inputs}}
-    return tuple(shard for shard in sorted(mine) if heads & {"*", shard.split("/")[0]} and
-                 (not clips or set(clips) & set(shard.split("/"))))  # fmt: skip
+    found = [shard for shard in sorted(mine) if heads & {"*", shard.split("/")[0]} and
+             (not clips or set(clips) & set(shard.split("/")))]  # fmt: skip
+    unnamed = {shard: trace.output for shard in found
+               if (trace := traces[shard]) and (not shard or shard.split("/")[0] not in heads)}  # fmt: skip
+    files = source_leafs(runner, graph, node) if unnamed else frozenset[str]()
+    origins = runner.leafs(unnamed.values()) if files else {}
+    return tuple(shard for shard in found if shard not in unnamed or not files or files & origins[unnamed[shard]])
+
+
+def source_leafs(runner: Runner, graph: Graph, node: Node) -> frozenset[str]:
+    """Digests of the leafs with files, and of their parts, behind the shards of a stage and of those before it.
+
+    None for a stage that no source is spread over.
+    """
+    axes = {axis for one in graph.upstream([node]) for axis in one.axes}
+    behind = graph.upstream([graph.nodes[axis] for axis in sorted(axes)])
+    whole = (runner.store.put_leaf(one.value) for one in behind if one.sort == "leaf")
+    return frozenset(part for one in whole for part, found in runner.store.closure(one) if found and found.files)
 
 
 def record(runner: Runner, graph: Graph, stages: Iterable[str], clips: tuple[str, ...], report: RunReport,

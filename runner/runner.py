@@ -172,6 +172,10 @@ class Runner:
         """Provenance of an artifact (digest, its prefix, or a path in the store), down to the leafs."""
         return upkeep.lineage(self.store, self.index, artifact)
 
+    def leafs(self, artifacts: Iterable[str]) -> dict[str, frozenset[str]]:
+        """Artifact -> digests of the leafs that it was computed from."""
+        return upkeep.leafs(self.store, self.index, artifacts)
+
     def verify(self) -> upkeep.VerifyResult:
         """Hash every stored file again.
 

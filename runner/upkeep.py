@@ -64,11 +64,30 @@ def lineage(store: Store, index: Index, artifact: str) -> Provenance:
 
     ValueError when no artifact, or more than one, has a digest with this prefix.
     """
+    return _origin(store, _makers(store, index), _named(store, index, artifact), {})
+
+
+def leafs(store: Store, index: Index, artifacts: Iterable[str]) -> dict[str, frozenset[str]]:
+    """Artifact -> digests of the leafs that it was computed from."""
+    makers, done, found = _makers(store, index), dict[str, Provenance](), dict[str, frozenset[str]]()
+
+    def below(one: Provenance) -> frozenset[str]:
+        if one.digest not in found:
+            found[one.digest] = frozenset[str]()  # ends the recursion for an output equal to one of its inputs
+            own = frozenset((one.digest,)) if one.trace is None else frozenset[str]()
+            found[one.digest] = own.union(*(below(part) for _, part in one.inputs))
+        return found[one.digest]
+
+    return {artifact: below(_origin(store, makers, artifact, done)) for artifact in artifacts}
+
+
+def _makers(store: Store, index: Index) -> dict[str, Trace]:
+    """Digest of an artifact or a part of one -> its first producer, since a later stage may return it unchanged."""
     makers: dict[str, Trace] = {}
     for trace in sorted(index.all(), key=lambda trace: trace.finished):
         for inside, _ in store.closure(trace.output):
-            makers.setdefault(inside, trace)  # the first producer: a later stage may return it unchanged
-    return _origin(store, makers, _named(store, index, artifact), {})
+            makers.setdefault(inside, trace)
+    return makers
 
 
 def _origin(store: Store, makers: dict[str, Trace], digest: str, done: dict[str, Provenance]) -> Provenance:

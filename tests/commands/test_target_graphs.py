@@ -120,6 +120,19 @@ def test_a_stage_of_another_source_is_not_run(made: Made, tmp_path: Path) -> Non
     assert "stale" not in result.words
 
 
+def test_a_stage_that_collects_clips_does_not_take_those_of_another_source(made: Made, tmp_path: Path) -> None:
+    """A stage that runs once has no clip's name to tell sources apart; its last inputs count where the source is the same."""
+    from tests.helpers.tiny_source import write_source
+
+    mine = made.copy(tmp_path)
+    other = write_source(tmp_path / "other", ("P96_09",))
+    words = ("run", "--only", "dataset_pack", "--store", mine.store, "--jobs", "0", "--no-record", "--json")
+    edited = call(*words, "--source", made.source, "--set", "dataset_pack.sheet_samples=3", "--set", "mask_densify.radius=3")
+    assert edited.code == 0 and edited.json["ran"] == {"dataset_pack": 1}
+    result = call(*words, "--source", other)
+    assert result.code == 0 and {"source_read", "mask_densify", "dataset_pack"} <= result.json["ran"].keys()
+
+
 def test_lineage_of_a_stage_is_that_of_its_last_output(made: Made) -> None:
     """Named by its name, or by that of its file."""
     shown = made.ask("lineage", "mask-densify", source=False)
