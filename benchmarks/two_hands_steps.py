@@ -1,0 +1,126 @@
+"""Train two-hand models by the release recipe without one step each, and test them; writes benchmarks/two_hands_steps.md.
+
+    PYTHONPATH=. python benchmarks/two_hands_steps.py train --work DIR --data SET,SET,... [--device cuda] [--at-once N]
+    PYTHONPATH=. python benchmarks/two_hands_steps.py score --work DIR --cases NAME=FOLDER,...
+
+SET is a folder that `run train-set` published, FOLDER one of `run benchmark-set`, or of outlined photographs
+(benchmarks/shipped/outlined.py). Models stay in DIR/models, so that each part can be stopped and run again; the models can be
+trained on another machine, with a copy of SETs.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from afford.common.files import tree
+from benchmarks.two_hands_renderers import SEEDS, Here, cell, default_encoder, joined
+
+Figures = Mapping[str, float]
+ROOT = Path(__file__).resolve().parent.parent
+PAGE = ROOT / "benchmarks" / "two_hands_steps.md"
+ROWS: dict[str, dict[str, Any]] = {
+    "release": {},
+    "no_classes": {"classes": False},
+    "all_named": {"unnamed_share": 0.0},
+    "no_noise": {"style_noise": 0.0},
+    "close_crops": {"wide_share": 0.0},
+    "own_background": {"pasted_share": 0.0},
+    "close_and_own": {"wide_share": 0.0, "pasted_share": 0.0},
+    "sure": {"sure_share": 0.3},
+}
+"""row -> parameters that differ from the release recipe"""
+GROUPS = (("", "crops"), ("new.", "kinds never shown"), ("shift.", "workshop, desk"), ("masks.", "whole pictures"))
+MEASURES = (("small.iou", "IoU"), ("small.precision", "precision"), ("small_text_shuffled.iou", "IoU, another task's words"))
+
+
+def train(args: argparse.Namespace) -> None:
+    """Train what is asked for and not there yet, `at_once` processes at a time. SystemExit names the trainings that failed."""
+    wanted = [f"{row}-{seed}" for seed in range(SEEDS) for row in ROWS]
+    wanted = [name for name in wanted if name in (args.only or wanted) and not (args.work / "models" / name).is_dir()]
+    if len(wanted) == 1:
+        train_one(wanted[0], args)
+        return
+    command = [sys.executable, __file__, "train", "--work", args.work, "--data", ",".join(map(str, args.data)),
+               "--steps", args.steps, "--device", args.device, "--encoder", args.encoder, "--only"]  # fmt: skip
+    with ThreadPoolExecutor(args.at_once) as pool:
+        codes = list(pool.map(lambda name: subprocess.run([str(part) for part in (*command, name)]).returncode, wanted))
+    if any(codes):
+        raise SystemExit(f"these trainings failed: {', '.join(name for name, code in zip(wanted, codes, strict=True) if code)}")
+
+
+def train_one(name: str, args: argparse.Namespace) -> None:
+    """Train one model in scratch files, then move it to its folder."""
+    from stages.twohands import model_train
+
+    row, _, seed = name.rpartition("-")
+    scratch, part = args.work / "scratch" / name, args.work / "models" / f"{name}.part"
+    scratch.mkdir(parents=True, exist_ok=True)
+    params = replace(model_train.RELEASE, backbones=str(args.encoder), seed=int(seed), steps=args.steps, device=args.device,
+                     validate_every=max(args.steps // 2, 1), residue_share=0.4, **ROWS[row])  # fmt: skip
+    made = model_train.run(joined([tree(one.name, one) for one in args.data]), params, Here(scratch)).files
+    shutil.rmtree(part, ignore_errors=True)
+    for file in made.files:
+        if file.name.startswith("model/"):
+            place = part / file.name.removeprefix("model/")
+            place.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(file.path, place)
+    part.rename(args.work / "models" / name)
+    shutil.rmtree(scratch)
+
+
+def score(args: argparse.Namespace) -> None:
+    """Score all models that are there, with right and with wrong words, and write the page."""
+    from benchmarks.shipped.score import run, two_hands  # not needed on a machine that trains
+    from commands.session import open_runner
+
+    runner, found = open_runner(args.work / "store"), dict[tuple[str, str, str], Figures]()
+    sets = {name: tree("cases", Path(place)) for name, _, place in (one.partition("=") for one in args.cases)}
+    for folder in sorted((args.work / "models").iterdir()):
+        row, _, seed = folder.name.rpartition("-")
+        for name, cases in sets.items():
+            found[row, seed, name] = run(runner, "benchmark", partial(two_hands, model=tree("model", folder), cases=cases))
+    text = ("Written by `benchmarks/two_hands_steps.py`: the release recipe with other parameters, mean and standard deviation "
+            f"over {len({seed for _, seed, _ in found})} trainings. Kinds never shown, workshop and desk: crops.")  # fmt: skip
+    lines = (line for name in sets for line in table({key[:2]: one for key, one in found.items() if key[2] == name}, name))
+    PAGE.write_text("\n".join(("# Two-hand models without one step each", "", text, *lines, "")))
+
+
+def table(found: dict[tuple[str, str], Figures], name: str) -> Iterator[str]:
+    """Yield the lines of the table of one set of cases; columns without figures are left out."""
+    columns = {f"{prefix}{key}": f"{group}: {title}" for prefix, group in GROUPS for key, title in MEASURES}
+    columns = {key: title for key, title in columns.items() if any(key in one for one in found.values())}
+    yield from ("", f"## {name}", "", f"| | differs in | {' | '.join(columns.values())} |", f"|---|---|{'--:|' * len(columns)}")
+    for row, differs in ROWS.items():
+        several = [one for (other, _), one in found.items() if other == row]
+        cells = (cell([one[key] for one in several if key in one]) for key in columns)
+        if several:
+            yield f"| {row} | {', '.join(f'{key}={value}' for key, value in differs.items())} | {' | '.join(cells)} |"
+
+
+def main() -> None:
+    """Do the part that is asked for."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("part", choices=("train", "score"))
+    parser.add_argument("--work", type=lambda text: Path(text).absolute(), default=ROOT.parent / "steps")
+    parser.add_argument("--data", type=lambda text: [Path(one).absolute() for one in text.split(",")], default=[])
+    parser.add_argument("--cases", type=lambda text: text.split(","), default=[])
+    parser.add_argument("--steps", type=int, default=2000)
+    parser.add_argument("--device", default="cpu")
+    parser.add_argument("--encoder", type=lambda text: Path(text).absolute(), default=default_encoder())
+    parser.add_argument("--only", type=lambda text: text.split(","), default=[])
+    parser.add_argument("--at-once", type=int, default=1)
+    args = parser.parse_args()
+    {"train": train, "score": score}[args.part](args)
+
+
+if __name__ == "__main__":
+    main()
