@@ -4,7 +4,7 @@
 
 A model is much surer of what is new to it than it is right, and what users show it is new to it. Slope and offset of its logits
 are fitted to its own answers (mirror image and second look included) to the crops of the rows `workshop` and `desk`; its config,
-card and record are written again.
+card and record are written again. The weight of the classifier in a prediction is set before (`TRUST`).
 """
 
 from __future__ import annotations
@@ -32,6 +32,8 @@ from schemas.benchmark import Case
 
 SEED = 20263
 """of rooms and objects that are not those of the benchmark"""
+TRUST = 2.5
+"""`ModelConfig.trust` of the shipped model: more than in training, since users bring photographs, which the classifier knows best"""
 PASSES = 3
 """fits, one after the other: the mean over a picture and its mirror image is not linear in slope and offset"""
 Region = tuple[np.ndarray, np.ndarray, float]
@@ -65,7 +67,8 @@ def main() -> None:
     if not cases:
         raise SystemExit(f"{given}: expected crops of workshops or desks, found none; render them with `run benchmark-set`")
     predictor = Predictor(folder)
-    config = predictor.model.config
+    predictor.model.get_submodule("encoder").trust = TRUST  # type: ignore[assignment]  # a number, not a module
+    config = replace(predictor.model.config, trust=TRUST)
     for _ in range(PASSES):
         slope, offset = fit_calibration(regions(predictor, cases))
         before = config.calibration
@@ -74,7 +77,7 @@ def main() -> None:
         predictor.model.config = config
         print(f"calibration {at}, threshold {config.threshold}", flush=True)
     write_card(folder / CARD, f"Then slope and offset, {config.calibration}, were fitted again to {len(cases)} crops of workshops "
-               f"and desks, which the training does not show, by benchmarks/shipped/calibrate.py at commit `{head()}`; the "
+               f"and desks, which the training does not show, by benchmarks/shipped/calibrate.py at commit `{head()}`, with {TRUST} as the weight of the classifier; the "
                f"threshold, now {config.threshold}, moved along. Each picture has its own, by its probabilities.")  # fmt: skip
     (folder / "config.json").write_text(config_json(config), encoding="utf-8")
     record = read_record(folder)
