@@ -33,7 +33,7 @@ from schemas.benchmark import Case
 SEED = 20263
 """of rooms and objects that are not those of the benchmark"""
 TRUST = 2.5
-"""`ModelConfig.trust` of the shipped model: more than in training, since users bring photographs, which the classifier knows best"""
+"""`ModelConfig.trust` of the shipped model: more than in training, since users bring photographs, which a classifier knows best"""
 PASSES = 3
 """fits, one after the other: the mean over a picture and its mirror image is not linear in slope and offset"""
 Region = tuple[np.ndarray, np.ndarray, float]
@@ -77,8 +77,9 @@ def main() -> None:
         predictor.model.config = config
         print(f"calibration {at}, threshold {config.threshold}", flush=True)
     write_card(folder / CARD, f"Then slope and offset, {config.calibration}, were fitted again to {len(cases)} crops of workshops "
-               f"and desks, which the training does not show, by benchmarks/shipped/calibrate.py at commit `{head()}`, with {TRUST} as the weight of the classifier; the "
-               f"threshold, now {config.threshold}, moved along. Each picture has its own, by its probabilities.")  # fmt: skip
+               f"and desks, which the training does not show, by benchmarks/shipped/calibrate.py at commit `{head()}`, with "
+               f"{TRUST} as the weight of the classifier; the threshold, now {config.threshold}, moved along. Each picture has "
+               "its own, by its probabilities.")  # fmt: skip
     (folder / "config.json").write_text(config_json(config), encoding="utf-8")
     record = read_record(folder)
     record["files"] |= {name: file_digest(folder / name) for name in ("config.json", CARD)}
