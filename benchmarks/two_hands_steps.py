@@ -84,7 +84,7 @@ def score(args: argparse.Namespace) -> None:
 
     runner, found = open_runner(args.work / "store"), dict[tuple[str, str, str], Figures]()
     sets = {name: tree("cases", Path(place)) for name, _, place in (one.partition("=") for one in args.cases)}
-    for folder in sorted((args.work / "models").iterdir()):
+    for folder in sorted(one for one in (args.work / "models").iterdir() if one.suffix != ".part"):
         row, _, seed = folder.name.rpartition("-")
         for name, cases in sets.items():
             found[row, seed, name] = run(runner, "benchmark", partial(two_hands, model=tree("model", folder), cases=cases))
