@@ -112,12 +112,17 @@ def train(args: argparse.Namespace) -> None:
         for one in missing:
             train_one(one, args)
         return
-    command = [sys.executable, __file__, "train", "--work", args.work, "--device", args.device, "--steps", args.steps,
-               "--encoder", args.encoder, "--only"]  # fmt: skip
+    train_each([one.name for one in missing], __file__, args)
+
+
+def train_each(names: list[str], script: str, args: argparse.Namespace, *more: object) -> None:
+    """Train each by `script train --only NAME` in a process of its own, `at_once` at a time. SystemExit names those that failed."""
+    command = [sys.executable, script, "train", "--work", args.work, "--device", args.device, "--steps", args.steps,
+               "--encoder", args.encoder, *more, "--only"]  # fmt: skip
     with ThreadPoolExecutor(args.at_once) as pool:
-        done = list(pool.map(lambda one: subprocess.run([str(part) for part in (*command, one.name)]).returncode, missing))
-    if any(done):
-        raise SystemExit(f"these trainings failed: {', '.join(one.name for one, code in zip(missing, done, strict=True) if code)}")
+        codes = list(pool.map(lambda name: subprocess.run([str(part) for part in (*command, name)]).returncode, names))
+    if any(codes):
+        raise SystemExit(f"these trainings failed: {', '.join(name for name, code in zip(names, codes, strict=True) if code)}")
 
 
 @dataclass(frozen=True)
@@ -133,24 +138,31 @@ class Here:
 
 
 def train_one(one: Training, args: argparse.Namespace) -> None:
-    """Train one model in scratch files, then move it to its folder."""
+    """Train one model of the table."""
     from stages.twohands import model_train
 
-    scratch = args.work / "scratch" / one.name
-    scratch.mkdir(parents=True, exist_ok=True)
     height, width = SIZES[one.variant]
     params = model_train.Params(
         variant=one.variant, hypotheses=1, height_px=height, width_px=width, seed=one.seed, steps=args.steps, device=args.device,
         validate_every=max(args.steps // 3, 1), backbones=str(args.encoder) if one.variant == "lite" else "")  # fmt: skip
     sets = [tree(name, args.work / "sets" / name) for name in SHARES[one.data]]
-    made = model_train.run(joined(sets), params, Here(scratch)).files
-    part = args.work / "models" / f"{one.name}.part"
+    train_into(args.work, one.name, joined(sets), params)
+
+
+def train_into(work: Path, name: str, dataset: FileTree, params: Any) -> None:
+    """Train a model in scratch files, then move it to `work`/models/`name`."""
+    from stages.twohands import model_train
+
+    scratch, part = work / "scratch" / name, work / "models" / f"{name}.part"
+    scratch.mkdir(parents=True, exist_ok=True)
+    made = model_train.run(dataset, params, Here(scratch)).files
+    shutil.rmtree(part, ignore_errors=True)
     for file in made.files:
         if file.name.startswith("model/"):
             place = part / file.name.removeprefix("model/")
             place.parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(file.path, place)
-    part.rename(args.work / "models" / one.name)
+    part.rename(work / "models" / name)
     shutil.rmtree(scratch)
 
 

@@ -11,18 +11,14 @@ trained on another machine, with a copy of SETs.
 from __future__ import annotations
 
 import argparse
-import shutil
-import subprocess
-import sys
 from collections.abc import Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from afford.common.files import tree
-from benchmarks.two_hands_renderers import SEEDS, Here, cell, default_encoder, joined
+from benchmarks.two_hands_renderers import SEEDS, cell, default_encoder, joined, train_each, train_into
 
 Figures = Mapping[str, float]
 ROOT = Path(__file__).resolve().parent.parent
@@ -43,38 +39,23 @@ MEASURES = (("small.iou", "IoU"), ("small.precision", "precision"), ("small_text
 
 
 def train(args: argparse.Namespace) -> None:
-    """Train what is asked for and not there yet, `at_once` processes at a time. SystemExit names the trainings that failed."""
+    """Train what is asked for and not there yet, `at_once` processes at a time."""
     wanted = [f"{row}-{seed}" for seed in range(SEEDS) for row in ROWS]
-    wanted = [name for name in wanted if name in (args.only or wanted) and not (args.work / "models" / name).is_dir()]
-    if len(wanted) == 1:
-        train_one(wanted[0], args)
-        return
-    command = [sys.executable, __file__, "train", "--work", args.work, "--data", ",".join(map(str, args.data)),
-               "--steps", args.steps, "--device", args.device, "--encoder", args.encoder, "--only"]  # fmt: skip
-    with ThreadPoolExecutor(args.at_once) as pool:
-        codes = list(pool.map(lambda name: subprocess.run([str(part) for part in (*command, name)]).returncode, wanted))
-    if any(codes):
-        raise SystemExit(f"these trainings failed: {', '.join(name for name, code in zip(wanted, codes, strict=True) if code)}")
+    missing = [name for name in wanted if name in (args.only or wanted) and not (args.work / "models" / name).is_dir()]
+    if len(missing) == 1:
+        train_one(missing[0], args)
+    else:
+        train_each(missing, __file__, args, "--data", ",".join(map(str, args.data)))
 
 
 def train_one(name: str, args: argparse.Namespace) -> None:
-    """Train one model in scratch files, then move it to its folder."""
+    """Train one model of the table."""
     from stages.twohands import model_train
 
     row, _, seed = name.rpartition("-")
-    scratch, part = args.work / "scratch" / name, args.work / "models" / f"{name}.part"
-    scratch.mkdir(parents=True, exist_ok=True)
     params = replace(model_train.RELEASE, backbones=str(args.encoder), seed=int(seed), steps=args.steps, device=args.device,
                      validate_every=max(args.steps // 2, 1), residue_share=0.4, **ROWS[row])  # fmt: skip
-    made = model_train.run(joined([tree(one.name, one) for one in args.data]), params, Here(scratch)).files
-    shutil.rmtree(part, ignore_errors=True)
-    for file in made.files:
-        if file.name.startswith("model/"):
-            place = part / file.name.removeprefix("model/")
-            place.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(file.path, place)
-    part.rename(args.work / "models" / name)
-    shutil.rmtree(scratch)
+    train_into(args.work, name, joined([tree(one.name, one) for one in args.data]), params)
 
 
 def score(args: argparse.Namespace) -> None:
