@@ -1,9 +1,11 @@
 """Compare what a teacher learns from: no base, a script, and priors of synthetic, recorded, or both kinds of clips.
 
-    PYTHONPATH=. python benchmarks/bench_human_motion.py --source ../shared/data/motion --out out/human_motion
+    PYTHONPATH=. python benchmarks/bench_human_motion.py --source ../shared/data/motion --out out/human_motion          # hours
+    PYTHONPATH=. python benchmarks/bench_human_motion.py --source ../shared/data/motion --out out/human_motion --keep   # afterwards
 
 Options make it short: --seeds 1 --cloning 6 --updates 2 --episodes 7 --tools 1 --grasps 18. Each training keeps its checkpoint and
-each row its figures below `--out`, so that the same command resumes. The table is human_motion.md there.
+each row its figures below `--out`, so that the same command resumes, and a second one with other `--rows` can run beside it.
+`--keep` writes the table of finished rows into benchmarks/human_motion.md.
 
 Held-out human grasps are the recorded grasps of the scans that priors never learn from. The distance to them is the least RMS
 difference of finger joints between the end of a successful episode and any of these grasps.
@@ -21,10 +23,11 @@ from typing import Any
 import numpy as np
 
 from afford.grasping.evaluate.recipes import ROWS
-from afford.grasping.evaluate.result_cells import group_cells, number
+from afford.grasping.evaluate.result_cells import group_cells
 from afford.grasping.hand.assets import shadow_files
 from afford.grasping.imitation.recorded_clips import is_evaluation_scan, scan_of
 from afford.surface.meshes.discover import discover
+from benchmarks.pages import ROOT, into
 from maps.grasping import HELD
 from maps.settings.grasping import FITTED, MOTION
 from runner.canonical import file_digest
@@ -51,6 +54,7 @@ from stages.grasping import (
 from stages.surface import mesh_read
 from stages.synthetic import object_build
 
+PAGE = ROOT / "benchmarks" / "human_motion.md"
 DATA = {"synthetic": (True, False), "recorded": (False, True), "both": (True, True)}
 """row -> whether its prior learns from synthetic and from recorded clips"""
 BASES = {"none": "naa_only", "script": "on_script", **dict.fromkeys(DATA, "teacher")}
@@ -83,22 +87,26 @@ class World:
 
 
 def main() -> None:
-    """Train and evaluate what is missing, then write the table."""
+    """Train and evaluate what is missing, or write the table."""
     given = _arguments()
+    if given.keep:
+        into(PAGE, "teachers", Path(__file__).name, table(given.out))
+        return
     given.out.mkdir(parents=True, exist_ok=True)
     world = build(given)
     for seed in range(given.seeds):
-        for row in BASES:
+        for row in given.rows.split(","):
             file = given.out / f"{row}-{seed}.json"
             if not file.exists():
                 file.write_text(json.dumps(figures(world, row, seed, given)))
-            (given.out / "human_motion.md").write_text(table(given.out))
 
 
 def _arguments() -> argparse.Namespace:
     read = argparse.ArgumentParser(description="Compare priors.")
     read.add_argument("--source", type=Path, required=True, help="folder with DexYCB's grasps and its ...meshes")
     read.add_argument("--out", type=Path, required=True)
+    read.add_argument("--keep", action="store_true", help="write the table of finished rows")
+    read.add_argument("--rows", default=",".join(BASES), help="some of them, in this order")
     for name, usual in {"seeds": 3, "cloning": 60, "updates": 200, "episodes": 200, "tools": 6, "grasps": 10**6}.items():
         read.add_argument(f"--{name}", type=int, default=usual)
     return read.parse_args()
@@ -186,16 +194,22 @@ def distance_deg(done: GraspEpisodes, held_out: np.ndarray) -> float:
 
 
 def table(folder: Path) -> str:
-    """Format the rows that are finished, means over seeds."""
-    lines = [f"| base | {' | '.join(COLUMNS)} | seeds |", f"|---|{'--:|' * (len(COLUMNS) + 1)}"]
+    """Format the rows that are finished: means and standard deviations over seeds."""
+    lines = [f"\n| base | {' | '.join(COLUMNS)} | seeds |", f"|---|{'--:|' * (len(COLUMNS) + 1)}"]
     for row in BASES:
         found = [json.loads(path.read_text()) for path in sorted(folder.glob(f"{row}-*.json"))]
         if found:
-            means = {name: float(np.mean([one[name] for one in found])) for name in COLUMNS.values()}
-            means["success"] *= 100
-            cells = (number(means[name], 1) for name in COLUMNS.values())
+            cells = (cell([one[name] for one in found], 100 if name == "success" else 1) for name in COLUMNS.values())
             lines.append(f"| {row} | {' | '.join(cells)} | {len(found)} |")
-    return "\n".join([*lines, ""])
+    return "\n".join([*lines, "", ""])
+
+
+def cell(values: Sequence[float], scale: int) -> str:
+    """Mean and, where they differ, standard deviation of the values that are known; empty without one."""
+    known = scale * np.array([value for value in values if np.isfinite(value)])
+    if not len(known):
+        return ""
+    return f"{known.mean():.1f} ± {known.std(ddof=1):.1f}" if len(known) > 1 and np.ptp(known) else f"{known.mean():.1f}"
 
 
 if __name__ == "__main__":

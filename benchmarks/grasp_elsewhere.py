@@ -1,12 +1,14 @@
 """Train and examine rows of `run grasp-full` on a machine with many cores, over the shipped prior; the table is written here.
 
-    PYTHONPATH=. python benchmarks/grasp_elsewhere.py pack  --work DIR [--store DIR]                  # here: hand, tasks, prior
+    PYTHONPATH=. python benchmarks/grasp_elsewhere.py pack  --work DIR [--store DIR] [--positive]     # here: hand, tasks, prior
     PYTHONPATH=. python benchmarks/grasp_elsewhere.py train --work DIR [--rows NAMES] [--seeds LIST] [--at-once N] [--device cuda]
     PYTHONPATH=. python benchmarks/grasp_elsewhere.py keep  --work DIR [--store DIR] [--bullet NAMES]
 
 `train` needs no PyBullet. Each row and seed is a process of one thread; it is examined in MuJoCo, and DIR keeps its policy and its
-episodes. Run again, it goes on with what is missing. `keep` adds the figures to benchmarks/grasp_rows.json and writes the table of
-docs/grasping/grasping.md; policies of the rows of `--bullet` are examined in PyBullet as well.
+episodes. A student learns from the teacher of its row that is there. The row `positive` needs `pack --positive`, which trains the
+two-hand model of `run train` unless it is cached. Run again, it goes on with what is missing. `keep` adds the figures to
+benchmarks/grasp_rows.json and writes the table of docs/grasping/grasping.md; policies of the rows of `--bullet` are examined in
+PyBullet as well.
 """
 
 from __future__ import annotations
@@ -24,14 +26,18 @@ from typing import Any
 
 from afford.codecs import load_folder, save
 from afford.common.files import empty_folder, tree
+from afford.grasping.evaluate.recipes import POSITIVE, STUDENTS
 from benchmarks.two_hands_renderers import Here
 from runner import Graph, Runner
+from schemas.hand import HandModel
 from schemas.spec import Schema
+from schemas.training import Trained
 
 ROOT = Path(__file__).resolve().parent.parent
 PRIOR = ROOT / "weights" / "grasp-prior"
 ROWS = ("paper_none", "paper_hti", "paper_light", "paper_half", "paper_reward", "paper_double", "transfer_none", "transfer_hti",
-        "transfer_naa", "transfer_both", "neither", "naa_only", "positive_truth", "paper_size")  # fmt: skip
+        "transfer_naa", "transfer_both", "neither", "naa_only", "on_script", "positive_truth", "positive", "no_negative",
+        "student_no_negative", "paper_size")  # fmt: skip
 LEVEL, COMMIT = "train", "commit.txt"
 
 
@@ -48,6 +54,8 @@ def pack(args: argparse.Namespace) -> None:
     made = grasping.setup(g, p)
     wanted = {"hand": made.hand, "references": made.people.references, **{f"tasks-{level}": made.objects.tasks[level]
               for level in (grasping.TRAINING, LEVEL)}}  # fmt: skip
+    if args.positive:
+        wanted[f"tasks-{POSITIVE}"] = g.collect(grasping.positive_tasks(g, made.objects, p)[0])
     for name, handle in wanted.items():
         shutil.rmtree(args.work / name, ignore_errors=True)
         for n, one in enumerate(plain(computed(runner, g, name, handle))):
@@ -101,19 +109,14 @@ def train(args: argparse.Namespace) -> None:
 
 def train_one(args: argparse.Namespace) -> None:
     """Train one row with one seed and examine it in MuJoCo."""
-    from afford.grasping.evaluate.recipes import ROWS as RECIPES
-    from stages.grasping import grasp_evaluate, rl_grasp_refinement
+    from stages.grasping import grasp_evaluate
 
-    name = args.rows
-    row, _, seed = name.rpartition("-")
-    usual = rl_grasp_refinement.Params(name=name, seed=int(seed), device=args.device if row == "paper_size" else "cpu")
-    params = replace(usual, **RECIPES[row])
-    hand, (references,) = packed(args.work, "hand")[0], packed(args.work, "references")
-    prior = (tree("prior", PRIOR),) if params.base == "prior" else ()
-    scratch = args.work / "scratch" / name
+    row = args.rows.rpartition("-")[0]
+    hand, references = packed(args.work, "hand")[0], packed(args.work, "references")[0]
+    scratch = args.work / "scratch" / args.rows
     scratch.mkdir(parents=True, exist_ok=True)
-    trained = rl_grasp_refinement.run(hand, (packed(args.work, "tasks-training"),), prior, params, Here(scratch))
-    policy = args.work / "done" / name / "policy"
+    trained = (student_of if row in STUDENTS else teacher_of)(args, hand, Here(scratch))
+    policy = args.work / "done" / args.rows / "policy"
     for file in trained.files.files:
         (policy / file.name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(file.path, policy / file.name)
@@ -122,6 +125,31 @@ def train_one(args: argparse.Namespace) -> None:
     made = empty_folder(scratch / "episodes")
     save(found, made)
     made.rename(policy.parent / "episodes")
+
+
+def teacher_of(args: argparse.Namespace, hand: HandModel, here: Here) -> Trained:
+    """Train the teacher of a row and seed, over the shipped prior where the row has one."""
+    from afford.grasping.evaluate.recipes import ROWS as RECIPES
+    from stages.grasping import rl_grasp_refinement
+
+    row, _, seed = args.rows.rpartition("-")
+    usual = rl_grasp_refinement.Params(name=args.rows, seed=int(seed), device=args.device if row == "paper_size" else "cpu")
+    params = replace(usual, **RECIPES[row])
+    prior = (tree("prior", PRIOR),) if params.base == "prior" else ()
+    tasks = packed(args.work, f"tasks-{POSITIVE if row == POSITIVE else 'training'}")
+    return rl_grasp_refinement.run(hand, (tasks,), prior, params, here)
+
+
+def student_of(args: argparse.Namespace, hand: HandModel, here: Here) -> Trained:
+    """Train the student of a row and seed. SystemExit without its teacher."""
+    from stages.grasping import grasp_student
+
+    row, _, seed = args.rows.rpartition("-")
+    teacher = args.work / "done" / f"{STUDENTS[row]}-{seed}" / "policy"
+    if not teacher.is_dir():
+        raise SystemExit(f"{args.rows}: expected its teacher in {teacher}; train the row {STUDENTS[row]} first")
+    params = grasp_student.Params(name=args.rows, seed=int(seed))
+    return grasp_student.run(hand, (packed(args.work, "tasks-training"),), tree("teacher", teacher), params, here)
 
 
 def keep(args: argparse.Namespace) -> None:
@@ -169,6 +197,7 @@ def main() -> None:
     parser.add_argument("--seeds", default="0,1,2")
     parser.add_argument("--at-once", type=int, default=1)
     parser.add_argument("--device", default="cpu", help="of the networks of paper_size")
+    parser.add_argument("--positive", action="store_true", help="pack the training tasks with predicted A_t, too")
     parser.add_argument("--bullet", default="", help="rows to examine in PyBullet too")
     args = parser.parse_args()
     parts[args.part](args)
