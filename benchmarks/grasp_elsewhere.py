@@ -2,13 +2,13 @@
 
     PYTHONPATH=. python benchmarks/grasp_elsewhere.py pack  --work DIR [--store DIR] [--positive]     # here: hand, tasks, prior
     PYTHONPATH=. python benchmarks/grasp_elsewhere.py train --work DIR [--rows NAMES] [--seeds LIST] [--at-once N] [--device cuda]
-    PYTHONPATH=. python benchmarks/grasp_elsewhere.py keep  --work DIR [--store DIR] [--bullet NAMES]
+    PYTHONPATH=. python benchmarks/grasp_elsewhere.py keep  --work DIR [--store DIR] [--bullet NAMES] [--levels NAMES]
 
 `train` needs no PyBullet. Each row and seed is a process of one thread; it is examined in MuJoCo, and DIR keeps its policy and its
 episodes. A student learns from the teacher of its row that is there. The row `positive` needs `pack --positive`, which trains the
 two-hand model of `run train` unless it is cached. Run again, it goes on with what is missing. `keep` adds the figures to
-benchmarks/grasp_rows.json and writes the table of docs/grasping/grasping.md; policies of the rows of `--bullet` are examined in
-PyBullet as well.
+benchmarks/grasp_rows.json and writes the table of docs/grasping/grasping.md. Policies of the rows of `--bullet` are examined in
+PyBullet as well, those of `--levels` on every level in both engines, teachers also with the carry.
 """
 
 from __future__ import annotations
@@ -18,27 +18,29 @@ import json
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from afford.codecs import load_folder, save
 from afford.common.files import empty_folder, tree
-from afford.grasping.evaluate.recipes import POSITIVE, STUDENTS
+from afford.grasping.evaluate.recipes import CARRIED, POSITIVE, STUDENTS, TEACHER
 from benchmarks.two_hands_renderers import Here
 from runner import Graph, Runner
+from schemas.episodes import GraspEpisodes
+from schemas.grasp import LEVELS
 from schemas.hand import HandModel
 from schemas.spec import Schema
 from schemas.training import Trained
 
 ROOT = Path(__file__).resolve().parent.parent
 PRIOR = ROOT / "weights" / "grasp-prior"
-ROWS = ("paper_none", "paper_hti", "paper_light", "paper_half", "paper_reward", "paper_double", "transfer_none", "transfer_hti",
-        "transfer_naa", "transfer_both", "neither", "naa_only", "on_script", "positive_truth", "positive", "no_negative",
-        "student_no_negative", "paper_size")  # fmt: skip
-LEVEL, COMMIT = "train", "commit.txt"
+ROWS = ("teacher", "paper_none", "paper_hti", "paper_light", "paper_half", "paper_reward", "paper_double", "transfer_none",
+        "transfer_hti", "transfer_naa", "transfer_both", "neither", "naa_only", "on_script", "positive_truth", "positive",
+        "no_negative", "student_no_negative", "paper_size")  # fmt: skip
+LEVEL, ENGINES, COMMIT = LEVELS[0], ("bullet", "mujoco"), "commit.txt"
 
 
 def pack(args: argparse.Namespace) -> None:
@@ -53,7 +55,7 @@ def pack(args: argparse.Namespace) -> None:
     p = resolve_weights(settings((f"human_motion.prior={PRIOR}",), None), digester(runner), "grasp-full")
     made = grasping.setup(g, p)
     wanted = {"hand": made.hand, "references": made.people.references, **{f"tasks-{level}": made.objects.tasks[level]
-              for level in (grasping.TRAINING, LEVEL)}}  # fmt: skip
+              for level in (grasping.TRAINING, *LEVELS)}}  # fmt: skip
     if args.positive:
         wanted[f"tasks-{POSITIVE}"] = g.collect(grasping.positive_tasks(g, made.objects, p)[0])
     for name, handle in wanted.items():
@@ -159,31 +161,56 @@ def keep(args: argparse.Namespace) -> None:
     from benchmarks.pages import into
 
     done = sorted(folder for folder in (args.work / "done").iterdir() if (folder / "episodes").is_dir())
-    wanted = set(filter(None, args.bullet.split(",")))
     found = [load_folder(folder / "episodes") for folder in done]
-    found += in_bullet(args, [folder for folder in done if folder.name.rpartition("-")[0] in wanted])
+    bullet, levels = args.bullet.split(","), args.levels.split(",")
+    found += examined(args, [exam for folder in done for exam in more_exams(folder, bullet, levels)])
     told = args.work / "scores.json"
     told.write_text(json.dumps(scores(found)))
     known = grasp_kept.add(grasp_kept.KEPT, told, (args.work / COMMIT).read_text().strip())
     into(ROOT / "docs" / "grasping" / "grasping.md", "grasp-full", "bench_grasp.py", grasp_kept.table(known))
 
 
-def in_bullet(args: argparse.Namespace, policies: list[Path]) -> list[Any]:
-    """Examine policies in PyBullet; results are kept in the store."""
+class Exam(NamedTuple):
+    """An examination of a policy; its folder, and how."""
+
+    folder: Path
+    name: str
+    level: str
+    engine: str
+    carry: bool = False
+
+
+def more_exams(folder: Path, bullet: Collection[str], levels: Collection[str]) -> Iterator[Exam]:
+    """Yield the examinations of a policy beyond that of its training."""
+    row = folder.name.rpartition("-")[0]
+    if row in levels:
+        every = [(level, engine) for level in LEVELS for engine in ENGINES]
+        yield from (Exam(folder, row, *one) for one in every if one != (LEVEL, "mujoco"))
+        if row == TEACHER:
+            yield from (Exam(folder, CARRIED, *one, carry=True) for one in every)
+    elif row in bullet:
+        yield Exam(folder, row, LEVEL, "bullet")
+
+
+def examined(args: argparse.Namespace, exams: Collection[Exam]) -> list[GraspEpisodes]:
+    """Examine policies; results are kept in the store."""
     from commands.session import open_runner
     from stages.grasping import grasp_evaluate
 
+    if not exams:
+        return []
     runner, g = open_runner(args.store), Graph()
     (hand,), (references,) = packed(args.work, "hand"), packed(args.work, "references")
-    leaves = {"hand": g.leaf("hand", hand), "references": g.leaf("references", references),
-              "tasks": g.collect(g.leaf("tasks", packed(args.work, f"tasks-{LEVEL}")))}  # fmt: skip
-    examined = []
-    for folder in policies:
-        params = grasp_evaluate.Params(policy=folder.name.rpartition("-")[0], traces=0)
-        examined.append(g.named(folder.name.replace("-", "_")).add(
-            grasp_evaluate.run, policy=g.leaf(f"policy_{folder.name}", tree(folder.name, folder / "policy")), params=params,
-            ctx=g.ctx, **leaves))  # fmt: skip
-    return list(computed(runner, g, "examined", *examined)) if examined else []
+    leaves = {"hand": g.leaf("hand", hand), "references": g.leaf("references", references)}
+    tasks = {level: g.collect(g.leaf(level, packed(args.work, f"tasks-{level}"))) for level in {one.level for one in exams}}
+    policies = {one.folder: g.leaf(f"policy_{one.folder.name}", tree(one.folder.name, one.folder / "policy")) for one in exams}
+    nodes = []
+    for one in exams:
+        params = grasp_evaluate.Params(policy=one.name, engine=one.engine, carry=one.carry, traces=0)
+        name = f"{one.folder.name}_{one.name}_{one.level}_{one.engine}".replace("-", "_")
+        nodes.append(g.named(name).add(grasp_evaluate.run, policy=policies[one.folder], tasks=tasks[one.level], params=params,
+                                       ctx=g.ctx, **leaves))  # fmt: skip
+    return list(computed(runner, g, "examined", *nodes))
 
 
 def main() -> None:
@@ -199,6 +226,7 @@ def main() -> None:
     parser.add_argument("--device", default="cpu", help="of the networks of paper_size")
     parser.add_argument("--positive", action="store_true", help="pack the training tasks with predicted A_t, too")
     parser.add_argument("--bullet", default="", help="rows to examine in PyBullet too")
+    parser.add_argument("--levels", default="", help="rows to examine on every level")
     args = parser.parse_args()
     parts[args.part](args)
 

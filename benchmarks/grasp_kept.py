@@ -11,7 +11,7 @@ import numpy as np
 
 from afford.common.statistics import wilson_interval
 from afford.grasping.evaluate import report, result_cells
-from afford.grasping.evaluate.recipes import ROWS, STUDENTS
+from afford.grasping.evaluate.recipes import CARRIED, ROWS, STUDENTS
 from afford.grasping.evaluate.report import ABOUT
 from afford.grasping.evaluate.result_cells import FIGURES, ResultRow
 from benchmarks.pages import ROOT
@@ -115,7 +115,7 @@ def _mean(parts: Sequence[Known], name: str) -> float:
 
 
 def _planned(policy: str) -> int:
-    return Params().seeds if policy in {*ROWS, *STUDENTS} else 1
+    return Params().seeds if policy in {*ROWS, *STUDENTS, CARRIED} else 1
 
 
 def _name(one: Known) -> str:

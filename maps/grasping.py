@@ -10,7 +10,17 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
-from afford.grasping.evaluate.recipes import NO_NEGATIVE, POSITIVE, POSITIVE_TRUTH, ROWS, STUDENT, STUDENTS, TEACHER, planned_runs
+from afford.grasping.evaluate.recipes import (
+    CARRIED,
+    NO_NEGATIVE,
+    POSITIVE,
+    POSITIVE_TRUTH,
+    ROWS,
+    STUDENT,
+    STUDENTS,
+    TEACHER,
+    planned_runs,
+)
 from afford.grasping.hand.assets import shadow_files
 from maps import surface, twohands
 from maps.common import parameters, record_run, recorded, reported, shipped, weights
@@ -362,6 +372,9 @@ def grasp_full(g: Graph, origin: Origin, p: Settings) -> None:
     results = train_rows(g, s, planned_runs(p.grasping.grasp_report.rows, p.grasping.grasp_report.seeds), LEVELS_OF_ROW, p)
     if (TEACHER, 0) in s.teachers:
         policy = g.pick(s.teachers[TEACHER, 0], lambda t: t.files)
+        for (row, seed), teacher in s.teachers.items():
+            if row == TEACHER:
+                results.episodes.extend(evaluate(g, s, g.pick(teacher, lambda t: t.files), CARRIED, seed, LEVELS, p, carry=True))
         for name, changes in CONDITIONS.items():
             results.episodes.extend(evaluate(g, s, policy, f"{TEACHER}_{name}", 0, LEVELS[:1], p, **changes))
         if p.grasping.grasp_report.naa:

@@ -51,6 +51,9 @@ class Params:
     """episodes recorded step by step"""
     seed: int = 20267
     """seed of object poses and starts"""
+    carry: bool = False
+    """the wrist carries a gripped and raised object to its goal, and spare fingers near N_t let go, as in body_evaluate; false: the
+    policy acts alone"""
 
 
 def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], policy: FileTree, references: ReferenceSet, params: Params,
@@ -63,5 +66,5 @@ def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], policy: FileT
         raise ValueError("grasp_evaluate: no tasks; grasp_tasks lists the parts that can be held")
     wanted = EvaluationParams(params.policy, params.engine, params.episodes, params.at_once, params.iterations, params.rate_hz,
                          params.poses, params.push_n, params.base, params.start, params.traces,
-                         params.seed)  # fmt: skip
+                         params.seed, params.carry)  # fmt: skip
     return evaluate_policy(hand, mine, policy, references, wanted, ctx.progress)

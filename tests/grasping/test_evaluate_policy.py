@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from afford.grasping.env.carry import RAISED_M
 from afford.grasping.env.config import GraspEnvConfig
 from afford.grasping.env.grasp_worlds import GraspWorlds
 from afford.grasping.env.rollout import BaseOnly, rollout
@@ -65,6 +66,17 @@ def test_the_seed_fixes_initial_states(script: GraspEpisodes, tmp_path_factory: 
     assert np.array_equal(again.values, script.values[:2], equal_nan=True)
     assert np.array_equal(again.depth_m, script.depth_m[:2], equal_nan=True)
     assert not np.array_equal(other.values, script.values[:2], equal_nan=True)
+
+
+def test_a_carry_changes_what_follows_the_lift(script: GraspEpisodes, tmp_path_factory: pytest.TempPathFactory) -> None:
+    """The base acts alone until an object is raised; then objects come nearer to their goals, and grasps are kept."""
+    found = evaluated(Scratch(tmp_path_factory.mktemp("carried")), carry=True)
+    for alone, carried in zip(script.traces, found.traces, strict=True):
+        first = int(np.argmax(alone.body[:, 2] > alone.body[0, 2] + RAISED_M / 2))
+        assert first > 5 and np.array_equal(alone.q[:first], carried.q[:first])
+        assert not np.array_equal(alone.q, carried.q)
+    assert found.figure("held").mean() >= script.figure("held").mean()
+    assert found.figure("goal_m").mean() < script.figure("goal_m").mean()
 
 
 def test_traces_agree_with_figures(script: GraspEpisodes) -> None:

@@ -8,6 +8,7 @@ from math import ceil
 
 import numpy as np
 
+from afford.grasping.env.carried_worlds import CarriedWorlds
 from afford.grasping.env.grasp_worlds import GraspWorlds
 from afford.grasping.env.measures import METRICS
 from afford.grasping.env.rollout import EpisodeBatch, rollout
@@ -41,6 +42,7 @@ class EvaluationParams:
     start: str
     traces: int
     seed: int
+    carry: bool
 
     def __post_init__(self) -> None:
         check_stage_engine(self.engine)
@@ -56,7 +58,7 @@ def evaluate_policy(hand: HandModel, tasks: Sequence[GraspTask], files: FileTree
     values, depths, names, traces = [], [], [], list[GraspTrace]()
     for first in range(0, len(tasks), params.at_once):
         some = tasks[first : first + params.at_once]
-        grasping = GraspWorlds(hand, [from_grasp_task(one) for one in some], config)
+        grasping = (CarriedWorlds if params.carry else GraspWorlds)(hand, [from_grasp_task(one) for one in some], config)
         for number in range(rounds):
             rngs = [np.random.default_rng([params.seed, first + k, number]) for k in range(len(some))]
             played = rollout(grasping, policy.actor(grasping), rngs)

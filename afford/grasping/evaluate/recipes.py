@@ -9,6 +9,8 @@ TEACHER, NO_NEGATIVE, STUDENT = "teacher", "no_negative", "student"
 STUDENTS = {STUDENT: TEACHER, "student_no_negative": NO_NEGATIVE}
 """row of a student -> row of its teacher"""
 POSITIVE, POSITIVE_TRUTH = "positive", "positive_truth"
+CARRIED = "teacher_carried"
+"""evaluation of every teacher with the carry, and with fingers that let go of N_t (env/carried_worlds.py)"""
 NAA = 1.0
 """factor of the negative terms of a set of rewards, for every row with NAA: as the set defines them (docs/decisions/014)"""
 SCRIPT: dict[str, Any] = {"base": "script", "std": 0.1, "std_along": 0.35, "steps": 44}
