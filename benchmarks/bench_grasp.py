@@ -20,13 +20,14 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from afford.grasping.evaluate.recipes import CARRIED, NO_NEGATIVE, STUDENT, TEACHER
 from afford.grasping.evaluate.result_cells import MAIN, PCT, ResultRow
 from afford.training.ablation import seeds_cell
 from benchmarks import grasp_kept
 from benchmarks.pages import ROOT, head, into, make, took
 
 SELF = Path(__file__).name
-SHOWN = ("teacher", "no_negative", "prior", "student")
+SHOWN = (TEACHER, CARRIED, NO_NEGATIVE, "prior", STUDENT)
 """policies in the table of the README"""
 SECTIONS = {"followed": ("grasping/imitation.md", "Clips that training never shows"),
             "full": ("grasping/imitation.md", "With and without the prior"),

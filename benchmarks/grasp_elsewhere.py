@@ -6,9 +6,10 @@
 
 `train` needs no PyBullet. Each row and seed is a process of one thread; it is examined in MuJoCo, and DIR keeps its policy and its
 episodes. A student learns from the teacher of its row that is there. The row `positive` needs `pack --positive`, which trains the
-two-hand model of `run train` unless it is cached. Run again, it goes on with what is missing. `keep` adds the figures to
-benchmarks/grasp_rows.json and writes the table of docs/grasping/grasping.md. Policies of the rows of `--bullet` are examined in
-PyBullet as well, those of `--levels` on every level in both engines, teachers also with the carry.
+two-hand model of `run train` unless it is cached. Run again, it goes on with what is missing. `keep` adds figures of `--rows` to
+benchmarks/grasp_rows.json and writes the tables of docs/grasping/grasping.md and of the README. Policies of the rows of `--bullet`
+are examined in PyBullet as well, those of `--levels` on every level in both engines; `teacher_carried` there are the teachers with
+the carry, `teacher_alone` the same without it, where the row `teacher` is of other trainings.
 """
 
 from __future__ import annotations
@@ -40,6 +41,7 @@ PRIOR = ROOT / "weights" / "grasp-prior"
 ROWS = ("teacher", "paper_none", "paper_hti", "paper_light", "paper_half", "paper_reward", "paper_double", "transfer_none",
         "transfer_hti", "transfer_naa", "transfer_both", "neither", "naa_only", "on_script", "positive_truth", "positive",
         "no_negative", "student_no_negative", "paper_size")  # fmt: skip
+ALONE = "teacher_alone"
 LEVEL, ENGINES, COMMIT = LEVELS[0], ("bullet", "mujoco"), "commit.txt"
 
 
@@ -158,16 +160,18 @@ def keep(args: argparse.Namespace) -> None:
     """Add the figures of all trained policies to the table's file, those of some in PyBullet as well."""
     from afford.grasping.evaluate.result_cells import scores
     from benchmarks import grasp_kept
+    from benchmarks.bench_grasp import SELF, short
     from benchmarks.pages import into
 
     done = sorted(folder for folder in (args.work / "done").iterdir() if (folder / "episodes").is_dir())
-    found = [load_folder(folder / "episodes") for folder in done]
+    found = [load_folder(folder / "episodes") for folder in done if folder.name.rpartition("-")[0] in args.rows.split(",")]
     bullet, levels = args.bullet.split(","), args.levels.split(",")
     found += examined(args, [exam for folder in done for exam in more_exams(folder, bullet, levels)])
     told = args.work / "scores.json"
     told.write_text(json.dumps(scores(found)))
     known = grasp_kept.add(grasp_kept.KEPT, told, (args.work / COMMIT).read_text().strip())
-    into(ROOT / "docs" / "grasping" / "grasping.md", "grasp-full", "bench_grasp.py", grasp_kept.table(known))
+    into(ROOT / "docs" / "grasping" / "grasping.md", "grasp-full", SELF, grasp_kept.table(known))
+    into(ROOT / "README.md", "grasp", SELF, short(grasp_kept.rows(known)))
 
 
 class Exam(NamedTuple):
@@ -183,11 +187,13 @@ class Exam(NamedTuple):
 def more_exams(folder: Path, bullet: Collection[str], levels: Collection[str]) -> Iterator[Exam]:
     """Yield the examinations of a policy beyond that of its training."""
     row = folder.name.rpartition("-")[0]
+    every = [(level, engine) for level in LEVELS for engine in ENGINES]
+    if row == TEACHER and CARRIED in levels:
+        yield from (Exam(folder, CARRIED, *one, carry=True) for one in every)
+    if row == TEACHER and ALONE in levels:
+        yield from (Exam(folder, ALONE, *one) for one in every)
     if row in levels:
-        every = [(level, engine) for level in LEVELS for engine in ENGINES]
         yield from (Exam(folder, row, *one) for one in every if one != (LEVEL, "mujoco"))
-        if row == TEACHER:
-            yield from (Exam(folder, CARRIED, *one, carry=True) for one in every)
     elif row in bullet:
         yield Exam(folder, row, LEVEL, "bullet")
 
