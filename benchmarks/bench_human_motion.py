@@ -1,7 +1,7 @@
 """Compare what a teacher learns from: no base, a script, and priors of synthetic, recorded, or both kinds of clips.
 
     PYTHONPATH=. python benchmarks/bench_human_motion.py --source ../shared/data/motion --out out/human_motion          # hours
-    PYTHONPATH=. python benchmarks/bench_human_motion.py --source ../shared/data/motion --out out/human_motion --keep   # afterwards
+    PYTHONPATH=. python benchmarks/bench_human_motion.py --out out/human_motion --keep                                  # afterwards
 
 Options make it short: --seeds 1 --cloning 6 --updates 2 --episodes 7 --tools 1 --grasps 18. Each training keeps its checkpoint and
 each row its figures below `--out`, so that the same command resumes, and a second one with other `--rows` can run beside it.
@@ -103,13 +103,16 @@ def main() -> None:
 
 def _arguments() -> argparse.Namespace:
     read = argparse.ArgumentParser(description="Compare priors.")
-    read.add_argument("--source", type=Path, required=True, help="folder with DexYCB's grasps and its ...meshes")
+    read.add_argument("--source", type=Path, help="folder with DexYCB's grasps and its ...meshes")
     read.add_argument("--out", type=Path, required=True)
     read.add_argument("--keep", action="store_true", help="write the table of finished rows")
     read.add_argument("--rows", default=",".join(BASES), help="some of them, in this order")
     for name, usual in {"seeds": 3, "cloning": 60, "updates": 200, "episodes": 200, "tools": 6, "grasps": 10**6}.items():
         read.add_argument(f"--{name}", type=int, default=usual)
-    return read.parse_args()
+    given = read.parse_args()
+    if not (given.source or given.keep):
+        read.error("--source: expected a folder, got none; only --keep does without")
+    return given
 
 
 def build(given: argparse.Namespace) -> World:
