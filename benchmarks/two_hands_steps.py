@@ -31,7 +31,6 @@ ROWS: dict[str, dict[str, Any]] = {
     "close_crops": {"wide_share": 0.0},
     "own_background": {"pasted_share": 0.0},
     "close_and_own": {"wide_share": 0.0, "pasted_share": 0.0},
-    "sure": {"sure_share": 0.3},
 }
 """row -> parameters that differ from the release recipe"""
 GROUPS = (("", "crops"), ("new.", "kinds never shown"), ("shift.", "workshop, desk"), ("masks.", "whole pictures"))

@@ -67,8 +67,7 @@ def main() -> None:
     if not cases:
         raise SystemExit(f"{given}: expected crops of workshops or desks, found none; render them with `run benchmark-set`")
     predictor = Predictor(folder)
-    predictor.model.get_submodule("encoder").trust = TRUST  # type: ignore[assignment]  # a number, not a module
-    config = replace(predictor.model.config, trust=TRUST)
+    predictor.model.config = config = replace(predictor.model.config, trust=TRUST)
     for _ in range(PASSES):
         slope, offset = fit_calibration(regions(predictor, cases))
         before = config.calibration

@@ -94,8 +94,6 @@ class Params(Optimisation):
     """lite: let the classifier of the image encoder point at the things that a task names; not without text"""
     unnamed_share: float = 0.4
     """lite with classes: share of samples whose nouns are random words, so that the classes alone say which thing is meant"""
-    sure_share: float = 0.0
-    """lite with classes: share of samples where the classifier is made to be sure of the things"""
     unseen_share: float = 0.2
     """lite with classes: share of samples without the classes of their things"""
     style_noise: float = 0.0
@@ -133,7 +131,7 @@ QUICK = Params(variant="lite", height_px=160, width_px=192, steps=1300, validate
                 wide_share=0.3, classes=True, style_noise=0.3)  # fmt: skip
 """parameters of `make train`"""
 RELEASE = replace(QUICK, recipe="release", height_px=192, width_px=256, steps=3000, validate_every=1000, coarse_share=0.53,
-                  wide_share=0.6, pasted_share=0.6, unnamed_share=0.3)  # fmt: skip
+                  wide_share=0.6, pasted_share=0.3, unnamed_share=0.3)  # fmt: skip
 """parameters of the shipped model"""
 CODE = {"loss_mode": "code", "mask_loss": "bce", "lr": 1e-3}
 """parameters in which the released script differs from the paper"""
@@ -192,7 +190,6 @@ def training_job(p: Params, recipe: Recipe | None = None) -> TwoHandsJob:
         division=Split(p.split_by, p.val_fraction, p.seed),
         views=Augmentation(p.flip_share, p.crop_share, wide_share=p.wide_share, stretch_share=p.stretch_share,
                     colour_share=p.colour_share, residue_share=p.residue_share, pasted_share=p.pasted_share,
-                    sure_share=p.sure_share if classes else 0.0,
                     unnamed_share=p.unnamed_share if classes else 0.0, unseen_share=p.unseen_share if classes else 0.0),
         coarse_share=p.coarse_share if light else 0.0,
         batch=p.batch, balance=p.balance, val_samples=p.val_samples, zoom=p.zoom, target=p.target, seed=p.seed,

@@ -17,7 +17,7 @@ from afford.twohands.model import lite
 from afford.twohands.model.class_words import CLASSES, SHOWN, by_word, named_classes
 from afford.twohands.model.interface import Batch, ModelConfig, Output, build
 from afford.twohands.model.model_folder import Vocabulary
-from afford.twohands.model.named_things import PER_THING, UNSURE, evidence, membership, named_logits, raised
+from afford.twohands.model.named_things import PER_THING, UNSURE, evidence, membership, named_logits
 from afford.twohands.model.predictor import Predictor
 from stages.extraction import dataset_pack
 from stages.twohands import model_train
@@ -73,16 +73,6 @@ def test_logits_are_raised_where_the_classifier_is_sure() -> None:
     assert found.shape == (2, 1, 3, 4) and not found[1].any() and bool((found >= 0).all())
     assert int(found[0].argmax()) == 1 * 4 + 2
     assert found.max() == pytest.approx(np.log((1 + UNSURE) / UNSURE), abs=1e-4)
-
-
-def test_scores_rise_where_a_training_makes_the_classifier_sure() -> None:
-    """Classes of the thing rise by the mean of the gain over a place; other classes and other samples stay."""
-    scores, gain = torch.zeros(2, 2, 3, len(SHOWN)), torch.zeros(2, 2, 4, 6)
-    gain[0, 1, 2:, 4:] = 8.0
-    more, cup = raised(scores, named("pour tea from kettle into cup", "lift cup"), gain), list(named_classes("cup")[0])
-    assert more[0, 1, 2, cup].tolist() == [8.0] * len(cup)
-    more[0, 1, 2, cup] = 0
-    assert not more.any()
 
 
 def test_a_prediction_trusts_the_classifier_more_than_a_training() -> None:

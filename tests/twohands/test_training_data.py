@@ -17,7 +17,6 @@ from afford.training.sampler import BalancedSampler
 from afford.twohands.train import samples as data
 from afford.twohands.train.augment import Augmentation, augment, benchmark_crop, mask_centre, replace_nouns, uncropped
 from afford.twohands.train.sample_stream import shrink
-from afford.twohands.train.sure_classes import GAIN, sure_places
 from afford.twohands.train.task import Batches, InputSize
 from afford.twohands.train.validation import THRESHOLDS, iou_and_precision
 from stages.extraction import dataset_pack
@@ -241,25 +240,6 @@ def test_some_samples_are_asked_for_by_their_classes_alone(packed: data.Files) -
     drawn = [augment(item, shares, 1, position) for position in range(200)]
     assert 70 < sum(one.item.narration != item.narration for one in drawn) < 130
     assert 30 < sum(one.asked == "" for one in drawn) < 70
-
-
-def test_the_classifier_is_made_sure_on_the_things_that_are_named(packed: data.Files) -> None:
-    """Gains lie on the object of each thing, now and then elsewhere; a thing without classes, or outside the picture, has none."""
-    item = next(iter(read_items(packed, "train")))
-    masks = np.zeros((4, *item.image.shape[:2]), bool)
-    masks[2, :20, :20] = masks[3, 40:60, 50:60] = True
-    item = replace(item, masks=masks, narration="pour from can into mug", object_left="can", object_right="mug", noun="can")
-    drawn = [sure_places(item, np.random.default_rng(seed)) for seed in range(60)]
-    for side in range(2):
-        gains = [one[side] for one in drawn if one is not None]
-        assert len(gains) == 60 and all(0 < gain.max() <= GAIN[1] for gain in gains)
-        assert 40 < sum(not gain[~masks[2 + side]].any() for gain in gains) < 60
-    assert sure_places(replace(item, narration="take scissors", object_left="scissors"), np.random.default_rng(0)) is None
-    alone = replace(item, masks=masks * np.array([1, 1, 0, 1], bool)[:, None, None])
-    only = sure_places(alone, np.random.default_rng(0))
-    assert only is not None and not only[0].any() and only[1].any()
-    whole = augment(item, Augmentation(0, 0, colour_share=0, stretch_share=0, unnamed_share=1, sure_share=1), 1, 0)
-    assert whole.sure is not None and not {"can", "mug"} & set(whole.item.narration.split())
 
 
 def test_objects_are_shown_before_another_picture(packed: data.Files) -> None:

@@ -100,8 +100,6 @@ class Batch(NamedTuple):
     """seed of the noise that a training adds to features; None for none"""
     asked: tuple[str, ...] | None = None
     """the tasks as they were asked, where `task` has stand-ins for unknown words"""
-    sure: Tensor | None = None
-    """(b, THINGS, h, w), in training: added to the scores of the classes of each thing (`AugmentedSample.sure`)"""
 
 
 class Target(NamedTuple):

@@ -38,15 +38,6 @@ def letterbox_masks(masks: np.ndarray, size_px: tuple[int, int]) -> np.ndarray:
     return boxed
 
 
-def letterbox_planes(planes: np.ndarray, size_px: tuple[int, int]) -> np.ndarray:
-    """(n, h, w) float32 -> (n, H, W) float32, 0 in the padding."""
-    boxed = np.zeros((len(planes), *size_px), np.float32)
-    height, width = content_size(planes.shape[1], planes.shape[2], size_px)
-    for found, plane in zip(boxed, planes, strict=True):
-        found[:height, :width] = _resized(plane, height, width)
-    return boxed
-
-
 def unletterbox(logits: Tensor, height: int, width: int, size_px: tuple[int, int]) -> Tensor:
     """(n, h', w') logits over the whole box -> (n, height, width) at the image's own size, bilinear."""
     inner = content_size(height, width, size_px)

@@ -18,7 +18,7 @@ from afford.models.word_vectors import WordVectors
 from afford.twohands.model.backbones import freeze
 from afford.twohands.model.class_words import SHOWN, named_classes
 from afford.twohands.model.interface import Batch, ModelConfig
-from afford.twohands.model.named_things import NamedThings, membership, named_logits, raised
+from afford.twohands.model.named_things import NamedThings, membership, named_logits
 from afford.twohands.model.small import Decoder, Encoder, Residual, Seen, Small, mlp
 from afford.twohands.model.style_noise import with_style_noise
 
@@ -34,7 +34,7 @@ class LiteEncoder(Encoder):
         self.stage4, self.stage8 = narrowed(WIDTHS[0], c4), nn.Sequential(narrowed(WIDTHS[1], c8), Residual(c8))
         self.plain16 = narrowed(WIDTHS[2] + WIDTHS[3], c16)
         self.things = NamedThings(c16) if config.classes else None
-        self.backbone, self.style_noise, self.trust = backbone, config.style_noise, config.trust
+        self.backbone, self.style_noise = backbone, config.style_noise
         freeze(backbone)
 
     def train(self, mode: bool = True) -> LiteEncoder:
@@ -55,10 +55,8 @@ class LiteEncoder(Encoder):
         if self.things and scores is not None:
             asked = batch.task if batch.asked is None else batch.asked
             things = membership([named_classes(task) for task in asked], len(SHOWN), scores.device)
-            if batch.sure is not None:
-                scores = raised(scores, things, batch.sure)
             plain16 = plain16 + self.things(scores, things, plain16.shape[2:])
-            named = named_logits(scores, things, 1.0 if self.training else self.trust)
+            named = named_logits(scores, things)
         return Seen(self.stage4(seen.stride4), self.stage8(seen.stride8), plain16, named)
 
 

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import torch
 from torch import Size, Tensor, cat, nn
-from torch.nn.functional import adaptive_avg_pool2d, interpolate
+from torch.nn.functional import interpolate
 
 from afford.twohands.model.class_words import THINGS
 
@@ -45,12 +45,6 @@ def membership(named: Named, count: int, device: torch.device) -> Tensor:
     return out.to(device)
 
 
-def raised(scores: Tensor, named: Tensor, more: Tensor) -> Tensor:
-    """Logits (b, h, w, n) with `more` (b, THINGS, h', w') added to those of the classes of each thing (b, THINGS, n)."""
-    more = adaptive_avg_pool2d(more, (scores.shape[1], scores.shape[2]))
-    return scores + torch.einsum("bthw,btn->bhwn", more, named.to(more))
-
-
 def evidence(scores: Tensor, named: Tensor) -> Tensor:
     """Planes (b, 1 + THINGS * PER_THING, h, w): the best score of all classes, then those of each thing; 0 without a thing."""
     there = named.any(-1)[..., None, None]
@@ -65,6 +59,6 @@ def log_probability(scores: Tensor, named: Tensor) -> Tensor:
     return scores.log_softmax(-1)[:, None].masked_fill(~named[:, :, None, None], -torch.inf).logsumexp(-1)
 
 
-def named_logits(scores: Tensor, named: Tensor, trust: float = 1.0) -> Tensor:
-    """Logits (b, 1, h, w) to add to regions: 0 where no thing of a task is seen, 3.5 x `trust` where one surely is."""
-    return trust * ((log_probability(scores, named).amax(1, keepdim=True).exp() + UNSURE) / UNSURE).log()
+def named_logits(scores: Tensor, named: Tensor) -> Tensor:
+    """Logits (b, 1, h, w) to add to regions: 0 where no thing of a task is seen, 3.5 where one surely is."""
+    return ((log_probability(scores, named).amax(1, keepdim=True).exp() + UNSURE) / UNSURE).log()

@@ -283,7 +283,9 @@ class Small(TwoHands):
     def forward(self, batch: Batch) -> Output:
         """Predict the regions of a batch; see `TwoHands`."""
         words, keep = self._read(batch)
-        features = self.encoder(batch, words, keep)
+        features: Features = self.encoder(batch, words, keep)
+        if features.named is not None and not self.training:
+            features = features._replace(named=self.config.trust * features.named)
         logits, score, tokens, objects, centre = self.decoder(features, keep, self.encoder.place(batch.image))
         both = (-1, 2, -1, -1, -1)
         return Output(logits.expand(both), score.expand(both[:3]), self.taxonomy(tokens[:, 0].flatten(1)), None,

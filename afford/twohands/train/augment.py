@@ -17,7 +17,6 @@ from afford.common.masks import BORDER, box
 from afford.dataset.augment import flip, recolour
 from afford.dataset.load import Item
 from afford.twohands.model.class_words import named_classes
-from afford.twohands.train.sure_classes import sure_places
 
 MIRROR = np.array([-1, 1], np.float32)
 
@@ -52,10 +51,8 @@ class Augmentation:
     """share of samples whose objects are shown before the picture of another sample"""
     unnamed_share: float = 0.0
     """share of samples whose things, where they have classes, are asked for by their classes alone: the nouns of the task become
-    random words (`AugmentedSample.asked`). Not for a whole picture, unless its classifier is made to be sure: it hardly sees small
-    things, so that nothing would show which one is meant"""
-    sure_share: float = 0.0
-    """share of samples where the classifier is made to be sure of the things, as it often is on photographs (sure_classes.py)"""
+    random words (`AugmentedSample.asked`). Not for a whole picture: its classifier hardly sees small things, so that nothing would
+    show which one is meant"""
     unseen_share: float = 0.0
     """share of samples without the classes of their things, so that a model can do without"""
 
@@ -68,8 +65,6 @@ class AugmentedSample(NamedTuple):
     """(2,) float32: centre of its objects in the whole picture, x to the right and y down, -1..1; NaN without objects"""
     asked: str = ""
     """the task whose things are looked for by their classes (`Batch.asked`); '' for none"""
-    sure: np.ndarray | None = None
-    """(THINGS, h, w) float32: what is added to the scores of the classes of each thing; None for nothing"""
 
 
 def augment(item: Item, views: Augmentation, seed: int, position: int, behind: np.ndarray | None = None) -> AugmentedSample:
@@ -78,8 +73,8 @@ def augment(item: Item, views: Augmentation, seed: int, position: int, behind: n
     behind: picture (h, w, 3) uint8 of any size, before which its objects are shown; None for its own.
     """
     rng = np.random.default_rng((seed, position))
-    shares = views.flip_share, views.crop_share, views.wide_share, views.stretch_share, views.colour_share, views.sure_share
-    flipped, crop, wide, stretch, colour, sure = rng.random(len(shares)) < shares
+    shares = views.flip_share, views.crop_share, views.wide_share, views.stretch_share, views.colour_share
+    flipped, crop, wide, stretch, colour = rng.random(len(shares)) < shares
     factors, margins = rng.uniform(*views.colour_range, 3), rng.uniform(*(views.wide_range if wide else views.margin_range), 4)
     if behind is not None:
         item = replace(item, image=before(item, behind, rng))
@@ -93,14 +88,14 @@ def augment(item: Item, views: Augmentation, seed: int, position: int, behind: n
         item = replace(item, image=recolour(item.image, *factors))
     if views.residue_share and rng.random() < views.residue_share:
         item = replace(item, image=leave_residue(item.image, rng))
-    asked, places = item.narration, sure_places(item, rng) if sure else None
+    asked = item.narration
     if views.unnamed_share or views.unseen_share:
         drawn = rng.random()
         if drawn < views.unseen_share:
-            asked, places = "", None
-        elif drawn < views.unseen_share + views.unnamed_share and named_classes(asked) and (crop or places is not None):
+            asked = ""
+        elif drawn < views.unseen_share + views.unnamed_share and named_classes(asked) and crop:
             item = replace_nouns(item, rng)
-    return AugmentedSample(item, at, asked, places)
+    return AugmentedSample(item, at, asked)
 
 
 def before(item: Item, behind: np.ndarray, rng: np.random.Generator) -> np.ndarray:

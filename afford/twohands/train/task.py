@@ -17,9 +17,8 @@ from torch import Tensor, nn
 from afford.dataset.load import Item
 from afford.training.loop import derive_seed
 from afford.training.sampler import BalancedSampler
-from afford.twohands.model.class_words import THINGS
 from afford.twohands.model.interface import Batch, Output, Target, TwoHands
-from afford.twohands.model.letterbox import letterbox, letterbox_masks, letterbox_planes
+from afford.twohands.model.letterbox import letterbox, letterbox_masks
 from afford.twohands.model.letterbox import to_tensor as stack_images
 from afford.twohands.model.losses import LossParams, losses
 from afford.twohands.train.augment import Augmentation, AugmentedSample, augment
@@ -61,8 +60,6 @@ class SampleBatch(NamedTuple):
     """(b, 2) float32: centre of the objects in the whole picture (`AugmentedSample.centre`)"""
     asked: tuple[str, ...]
     """b tasks whose things are looked for by their classes (`AugmentedSample.asked`)"""
-    sure: np.ndarray | None = None
-    """(b, THINGS, H / 16, W / 16) float32: added to the scores of the classes of each thing; None for nothing"""
     noise: int | None = None
     """seed of the noise on features; None for none"""
 
@@ -106,20 +103,9 @@ def collate(samples: Sequence[AugmentedSample], input_size: InputSize) -> Sample
         taxonomy=np.array([item.taxonomy for item in items], np.int64),
         centre=np.stack([one.centre for one in samples]),
         asked=tuple(one.asked for one in samples),
-        sure=_planes([one.sure for one in samples], input_size.size_px),
     )
 
 
-def _planes(given: Sequence[np.ndarray | None], size_px: tuple[int, int]) -> np.ndarray | None:
-    """Letter-box what is added to scores, at stride 16; None where no sample has any."""
-    if all(one is None for one in given):
-        return None
-    size = size_px[0] // STRIDE, size_px[1] // STRIDE
-    return np.stack([np.zeros((THINGS, *size), np.float32) if one is None else letterbox_planes(one, size) for one in given])
-
-
-STRIDE = 16
-"""of what is added to scores"""
 TARGETS = {"affordance": slice(0, 2), "object": slice(2, 4)}
 """the two masks of a sample's four that are learned"""
 
@@ -161,8 +147,7 @@ class TwoHandsTask:
         write_preview(folder / f"step_{step:07d}.jpg", rows, self._validated)
 
     def _input(self, batch: SampleBatch) -> Batch:
-        sure = None if batch.sure is None else torch.from_numpy(batch.sure).to(self.device)
-        return Batch(stack_images(list(batch.image)).to(self.device), batch.task, batch.noise, batch.asked, sure)
+        return Batch(stack_images(list(batch.image)).to(self.device), batch.task, batch.noise, batch.asked)
 
     def _target(self, batch: SampleBatch) -> Target:
         masks, things = (torch.from_numpy(batch.masks[:, part]).to(self.device) for part in (self.target_masks, TARGETS["object"]))
