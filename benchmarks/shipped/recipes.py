@@ -128,7 +128,7 @@ RECIPES = {
              "which are not in this file. The image encoder is EfficientNet-Lite0 (Apache-2.0), frozen, trained by its authors on "
              "ImageNet, whose pictures have terms of their own; its weights and those of its classifier are not in this file "
              "either: set-up fetches them.",
-        sets=("model_train.recipe=release", "model_train.steps=6000", "model_train.validate_every=2000",
+        sets=("model_train.recipe=release", "model_train.steps=8000", "model_train.validate_every=2000",
               "model_train.residue_share=0.4"),
         stills=(ROOMS, TRACED_ROOMS, MORE_TRACED_ROOMS, (*ALONE, "tool_plan.per_category=7"),
                 (*ALONE, "still_render.backend=cycles", "tool_render.backend=cycles", "tool_plan.per_category=2",
