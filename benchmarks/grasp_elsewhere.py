@@ -9,7 +9,7 @@ episodes. A student learns from the teacher of its row that is there. The row `p
 two-hand model of `run train` unless it is cached. Run again, it goes on with what is missing. `keep` adds figures of `--rows` to
 benchmarks/grasp_rows.json and writes the tables of docs/grasping/grasping.md and of the README. Policies of the rows of `--bullet`
 are examined in PyBullet as well, those of `--levels` on every level in both engines; `teacher_carried` there are the teachers with
-the carry, `teacher_alone` the same without it, where the row `teacher` is of other trainings.
+the carry.
 """
 
 from __future__ import annotations
@@ -41,7 +41,6 @@ PRIOR = ROOT / "weights" / "grasp-prior"
 ROWS = ("teacher", "paper_none", "paper_hti", "paper_light", "paper_half", "paper_reward", "paper_double", "transfer_none",
         "transfer_hti", "transfer_naa", "transfer_both", "neither", "naa_only", "on_script", "positive_truth", "positive",
         "no_negative", "student_no_negative", "paper_size")  # fmt: skip
-ALONE = "teacher_alone"
 LEVEL, ENGINES, COMMIT = LEVELS[0], ("bullet", "mujoco"), "commit.txt"
 
 
@@ -190,8 +189,6 @@ def more_exams(folder: Path, bullet: Collection[str], levels: Collection[str]) -
     every = [(level, engine) for level in LEVELS for engine in ENGINES]
     if row == TEACHER and CARRIED in levels:
         yield from (Exam(folder, CARRIED, *one, carry=True) for one in every)
-    if row == TEACHER and ALONE in levels:
-        yield from (Exam(folder, ALONE, *one) for one in every)
     if row in levels:
         yield from (Exam(folder, row, *one) for one in every if one != (LEVEL, "mujoco"))
     elif row in bullet:
