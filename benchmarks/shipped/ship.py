@@ -3,6 +3,7 @@
     python install/cycles.py                                     # once, for the two-hand model
     PYTHONPATH=. python benchmarks/shipped/ship.py [NAME ...] [--store DIR] [--photographs DIR]
     PYTHONPATH=. python benchmarks/shipped/ship.py --check       # name the models whose code has changed since; always exit code 0
+    PYTHONPATH=. python benchmarks/shipped/ship.py [NAME ...] --words      # write use, limits and data of recipes into cards
     PYTHONPATH=. python benchmarks/shipped/ship.py twohands --trained DIR --data DIR,... --where "a card, PyTorch N"
         # ship files of `model_train` that another machine trained by the recipe on these data sets
 
@@ -122,13 +123,18 @@ def trained_elsewhere(recipe: Recipe, folder: Path, data: list[Path], where: str
     return files, facts
 
 
+def paragraphs(recipe: Recipe) -> dict[str, str]:
+    """Paragraphs of a card that the recipe states, by their titles."""
+    return {"For": f"**For** {recipe.use}", "Limits.": f"**Limits.** {recipe.limits}", "Data.": f"**Data.** {recipe.data}"}
+
+
 def card(recipe: Recipe, facts: dict[str, Any], trained: str) -> str:
     """Write the card of a model; `trained` is the one that the training wrote."""
     learned = FRONT.sub("", trained).partition("\n")[2].replace("\n## ", "\n### ").strip()
     stills = (" ".join(one for one in some if "photographs" not in one) for some in recipe.stills)
     sets = (*recipe.sets, *(one or "stills as they are" for one in stills))
     return "\n\n".join((
-        f"# {recipe.title}", f"**For** {recipe.use}", f"**Limits.** {recipe.limits}", f"**Data.** {recipe.data}",
+        f"# {recipe.title}", *paragraphs(recipe).values(),
         "**Licence** of the weights: Apache-2.0. Floats are half floats.",
         f"**Made** by `{facts['command']}` at commit `{facts['commit']}`, seed {facts['seed']}, "
         f"{'with ' + ', '.join(f'`{one}`' for one in sets) if sets else 'with the default parameters'}; "
@@ -152,6 +158,19 @@ def ship(model: Path, target: Path, card: str, made: dict[str, Any], left_out: s
     (target / CARD).write_text(f"{card.rstrip()}\n\n{MEASURED[0]}\n{MEASURED[1]}\n", encoding="utf-8")
     record = {"format": FORMAT, **made, "files": {name: file_digest(target / name) for name in sorted([*names, CARD])}}
     (target / RECORD).write_text(json.dumps(record, indent=1, sort_keys=True) + "\n", encoding="utf-8")
+
+
+def reword(folder: Path, recipe: Recipe) -> None:
+    """Write use, limits and data of the recipe into the card of a shipped model, and the digest of the card into its record."""
+    text = (folder / CARD).read_text(encoding="utf-8")
+    for title, words in paragraphs(recipe).items():
+        text, count = re.subn(rf"^\*\*{title}\*\*[^\n]*", lambda _, words=words: words, text, flags=re.M)
+        if count != 1:
+            raise SystemExit(f"{folder / CARD}: expected one paragraph '{title}', found {count}")
+    (folder / CARD).write_text(text, encoding="utf-8")
+    record = read_record(folder)
+    record["files"][CARD] = file_digest(folder / CARD)
+    (folder / RECORD).write_text(json.dumps(record, indent=1, sort_keys=True) + "\n", encoding="utf-8")
 
 
 def halved(tensor: Tensor) -> Tensor:
@@ -185,6 +204,7 @@ def main() -> None:
     parser.add_argument("--store", type=Path)
     parser.add_argument("--photographs", type=lambda text: Path(text).absolute(), help="photographs of surfaces, for twohands")
     parser.add_argument("--check", action="store_true")
+    parser.add_argument("--words", action="store_true")
     parser.add_argument("--trained", type=Path)
     parser.add_argument("--data", type=lambda text: [Path(one) for one in text.split(",")], default=[])
     parser.add_argument("--where", default="another machine")
@@ -194,6 +214,10 @@ def main() -> None:
     if args.check:
         for name, changed in stale(names):
             print(f"warning: weights/{name} was made by other code of {', '.join(changed)}; `make weights` ships it again")
+        return
+    if args.words:
+        for name in names:
+            reword(FOLDER / name, RECIPES[name])
         return
     if subprocess.run(("git", "diff", "--quiet", "HEAD"), cwd=ROOT).returncode:
         raise SystemExit("commit first: a card names the commit that made its model")

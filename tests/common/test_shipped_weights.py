@@ -26,7 +26,7 @@ from benchmarks.shipped import calibrate
 from benchmarks.shipped.calibrate import write_card
 from benchmarks.shipped.outlined import write_case
 from benchmarks.shipped.recipes import RECIPES
-from benchmarks.shipped.ship import MAX_TOTAL_BYTES, codes, ship, stale
+from benchmarks.shipped.ship import MAX_TOTAL_BYTES, codes, paragraphs, reword, ship, stale
 from commands.errors import UsageError
 from commands.weights import resolve_weights
 from maps.settings import Origin, Settings
@@ -166,11 +166,24 @@ def test_shipped_files_have_their_digests_a_card_and_a_record(name: str) -> None
     assert found is not None
     card, record = (found / CARD).read_text(), read_record(found)
     assert all(part in card for part in ("**For**", "**Limits.**", "**Data.**", "**Licence**", "**Made**", "## Figures", *MEASURED))
+    assert all(words in card for words in paragraphs(RECIPES[name]).values()), "run benchmarks/shipped/ship.py --words"
     assert "|" in card.partition(MEASURED[0])[2], "run benchmarks/shipped/score.py"
     assert record["seed"] == 0 and record["stages"] and record["keys"] and not any("/" in text for text in record["sets"])
     files = {path.relative_to(found).as_posix() for path in found.rglob("*") if path.suffix in (".json", ".safetensors", ".md")}
     assert set(record["files"]) == files - {RECORD}
     assert not any("backbone" in key for path in found.rglob("*.safetensors") for key in load_file(path)), "third-party weights"
+
+
+def test_words_of_a_recipe_enter_its_card_and_the_digest(tmp_path: Path, trained: Path) -> None:
+    recipe = RECIPES["parts"]
+    ship(trained, tmp_path, "\n\n".join(("# Parts", "**For** others", *list(paragraphs(recipe).values())[1:], "Kept.")), MADE)
+    reword(tmp_path, recipe)
+    card = (tmp_path / CARD).read_text()
+    assert all(card.count(words) == 1 for words in paragraphs(recipe).values()) and "Kept." in card and "others" not in card
+    assert read_record(tmp_path)["files"][CARD] == file_digest(tmp_path / CARD)
+    (tmp_path / CARD).write_text("# Parts\n")
+    with pytest.raises(SystemExit, match="expected one paragraph 'For'"):
+        reword(tmp_path, recipe)
 
 
 def test_shipped_files_are_small() -> None:
