@@ -88,6 +88,7 @@ weights: $(DEV) ## train the models in weights/ again and write them there (hour
 	@PYTHONPATH=. $(PY) benchmarks/hands/photographs.py
 	@PYTHONPATH=. $(PY) benchmarks/shipped/ship.py --store "$(STORE)" --photographs ../photographs/surface $(ARGS)
 	@PYTHONPATH=. $(PY) benchmarks/shipped/calibrate.py --store "$(STORE)"
+	@PYTHONPATH=. $(PY) benchmarks/shipped/presence.py --store "$(STORE)"
 	@PYTHONPATH=. $(PY) benchmarks/shipped/score.py --store "$(STORE)"
 
 test: $(DEV) ## run every law on small cases (not the tests marked slow, npm or mediapipe)

@@ -45,6 +45,7 @@ class Options:
     focal_px: float | None = None
     rate_hz: float = 10.0
     frames: int = 10
+    always: bool = False
 
 
 def usable(device: str) -> str:
@@ -91,7 +92,7 @@ def predict(image: Path, task: str, options: Options) -> int:
     try:
         sources = find(image)
         batch = options.batch or (1 if options.device == "cpu" else GPU_BATCH)
-        model, predictor = open_model(options.model, options.store, options.device, options.dtype, batch)
+        model, predictor = open_model(options.model, options.store, options.device, options.dtype, batch, options.always)
         claim_folder(options.out, options.force)
     except (ValueError, OSError) as error:
         raise UsageError(str(error)) from error
@@ -106,7 +107,7 @@ def predict(image: Path, task: str, options: Options) -> int:
 
 
 def open_model(given: Path | None, store: Path | None, device: str, dtype: str = "",
-               batch: int = 1) -> tuple[ModelFolder, Predictor]:  # fmt: skip
+               batch: int = 1, always: bool = False) -> tuple[ModelFolder, Predictor]:  # fmt: skip
     """Open the model of `--model`, else the one that was trained last, else the shipped one.
 
     UsageError when there is no model, no such device, or too little memory for a batch.
@@ -120,7 +121,7 @@ def open_model(given: Path | None, store: Path | None, device: str, dtype: str =
         if folder is None:
             raise UsageError(f"{(store or STORE) / 'models'}: no trained model there; run `make train` or give --model DIR")
         found = model_folder.find_model(folder)
-        return found, Predictor(found.folder, usable(device), dtype=dtype, pictures=batch)
+        return found, Predictor(found.folder, usable(device), dtype=dtype, pictures=batch, always=always)
     except ValueError as error:
         raise UsageError(str(error)) from error
 
@@ -184,10 +185,10 @@ def _tell(summary: dict[str, Any], options: Options) -> int:
 
     write_index(options.out, summary)
     console = Console(stderr=True)
-    table = Table("picture", "taxonomy", *SIDES, box=None)
+    table = Table("picture", "taxonomy", *SIDES, "there", box=None)
     for line in summary["predictions"][:SHOWN]:
         scores = [f"{line['scores'][side]:.2f}" if side in line["scores"] else "-" for side in SIDES]
-        table.add_row(escape(line["folder"]), line["taxonomy"], *scores)
+        table.add_row(escape(line["folder"]), line["taxonomy"], *scores, f"{line['present']:.0%}" if line["present"] < 1 else "-")
     if summary["predictions"]:
         console.print(table)
     for line in summary["predictions"][:SHOWN]:
@@ -195,6 +196,10 @@ def _tell(summary: dict[str, Any], options: Options) -> int:
             found = "" if line["scores"] else "; it has no [SEG], so there is no region"
             console.print(f"answer for {escape(line['folder'])}: {escape(line['answer'])!r}{escape(found)}", highlight=False,
                           soft_wrap=True)  # fmt: skip
+    absent = [line for line in summary["predictions"] if not line["region"] and line["present"] < 1]
+    for line in absent[:SHOWN]:
+        console.print(f"[yellow]no region[/] in {escape(line['folder'])}: what the task names is probably not there "
+                      f"({line['present']:.0%}); --always gives one all the same", highlight=False, soft_wrap=True)  # fmt: skip
     if len(summary["predictions"]) > SHOWN:
         console.print(f"and {len(summary['predictions']) - SHOWN} more")
     if summary["read_as"]:

@@ -75,6 +75,7 @@ class Prediction(Schema):
     threshold: float = value("a pixel belongs to the region where its probability is above this")
     answer: str = value("text that a language model generated; '' for other models", default="")
     calibration: tuple[float, float] = value("slope and offset that calibrated the logits of the model", default=(1.0, 0.0))
+    present: float = value("probability that what the task names is in the image; 1 where a model does not tell", default=1.0)
 
     def mask(self, side: int | str) -> np.ndarray:
         """Return the top-ranked region (h, w) bool of a hand (0 or 'left', 1 or 'right'); empty when the hand is not selected."""

@@ -45,6 +45,7 @@ def record(answer: Answer, model: ModelFolder) -> dict[str, Any]:
         "hands_asked": question.hands,
         "hands": chosen(prediction),
         "threshold": _round(prediction.threshold),
+        "present": _round(prediction.present),
         **{side: hand(prediction, n) for n, side in enumerate(SIDES)},
         **({"answer": prediction.answer} if prediction.answer else {}),
         "model": {"name": model.name, "digest": model.digest},
@@ -62,12 +63,13 @@ def looked_for(model: ModelFolder, task: str) -> list[str]:
 
 
 def brief(answer: Answer, folder: str) -> dict[str, Any]:
-    """Entry of an answer in the index of a call: its folder, taxonomy and scores."""
+    """Entry of an answer in the index of a call: its folder, taxonomy, scores, and whether there are regions."""
     picture, found = answer.picture, answer.prediction
     frame = {} if picture.frame is None else {"frame": picture.frame}
     scores = {side: _round(found.score[SIDES.index(side)].max()) for side in chosen(found)}
     spoken = {"answer": found.answer} if found.answer else {}
-    return {"source": picture.source, **frame, "folder": folder, "taxonomy": taxonomy(found)["label"], "scores": scores, **spoken}
+    return {"source": picture.source, **frame, "folder": folder, "taxonomy": taxonomy(found)["label"], "scores": scores,
+            "present": _round(found.present), "region": bool(found.mask(0).any() or found.mask(1).any()), **spoken}  # fmt: skip
 
 
 def taxonomy(prediction: Prediction) -> dict[str, Any]:

@@ -40,6 +40,11 @@ Region = tuple[np.ndarray, np.ndarray, float]
 """probabilities, truth, and probability of the hand, for `fit_calibration`"""
 
 
+def other_rooms(store: str | None) -> Path:
+    """Render the benchmark's pictures with another seed."""
+    return Path(make("benchmark-set", store, "--set", f"benchmark_plan.seed={SEED}")["outputs"]["benchmark"])
+
+
 def unfamiliar(folder: Path) -> list[Case]:
     """Crops of the settings that training does not show."""
     found = (read(files) for files in act_affordance.cases(tree("cases", folder)) if files.protocol == "cropped")
@@ -62,7 +67,7 @@ def main() -> None:
     parser.add_argument("--cases", type=Path, help="what `run benchmark-set` wrote; by default it is rendered with another seed")
     parser.add_argument("--store")
     args = parser.parse_args()
-    given = args.cases or Path(make("benchmark-set", args.store, "--set", f"benchmark_plan.seed={SEED}")["outputs"]["benchmark"])
+    given = args.cases or other_rooms(args.store)
     folder, cases = FOLDER / TWO_HANDS, unfamiliar(given)
     if not cases:
         raise SystemExit(f"{given}: expected crops of workshops or desks, found none; render them with `run benchmark-set`")

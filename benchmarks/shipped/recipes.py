@@ -119,7 +119,8 @@ RECIPES = {
         "Household objects and tools on tables and counters, seen by the person who acts. Kinds that it was not trained on, and "
         "whole pictures with many objects, are much harder than crops. In the figures, words of kinds that were never shown "
         "(kettle, spatula) are read as known ones by a table that has them, and looked for by classes of ImageNet where they have "
-        "any. On crops of photographs, words hardly choose. It answers every question, also where no object fits. "
+        "any. Where what a task names is probably not in the picture, it gives no region; many wrong words still get one, and in "
+        "whole photographs some right words get none. "
         "Not for deciding whether touching something is safe, and not for recognising or monitoring people.",
         data="Stills of rendered kitchens, and of tools alone on tables: a third by a path tracer "
              "(`still_render.backend=cycles`: Blender's Cycles, GPL, a program that this model does not contain), the others by "

@@ -7,8 +7,9 @@
     PYTHONPATH=. python benchmarks/shipped/ship.py twohands --trained DIR --data DIR,... --where "a card, PyTorch N"
         # ship files of `model_train` that another machine trained by the recipe on these data sets
 
-Trainings are cached and resumable. A two-hand model is calibrated afterwards, by benchmarks/shipped/calibrate.py. Figures of the
-cards are written by benchmarks/shipped/score.py, out of the shipped files.
+Trainings are cached and resumable. A two-hand model is calibrated afterwards, by benchmarks/shipped/calibrate.py, and then learns
+what is not there, by benchmarks/shipped/presence.py. Figures of the cards are written by benchmarks/shipped/score.py, out of the
+shipped files.
 """
 
 from __future__ import annotations
@@ -145,7 +146,7 @@ def card(recipe: Recipe, facts: dict[str, Any], trained: str) -> str:
 def ship(model: Path, target: Path, card: str, made: dict[str, Any], left_out: str = "") -> None:
     """Write a shipped model from the folder of a trained one: its JSON and safetensors files, a card, and the record.
 
-    Floats become half floats; tensors whose names begin with `left_out` are not written.
+    Floats become half floats; tensors whose names begin with `left_out` are not written. Other such files of an earlier model go.
     """
     names = [path.relative_to(model).as_posix() for path in sorted(model.rglob("*")) if path.suffix in SHIPPED]
     for name in names:
@@ -155,6 +156,9 @@ def ship(model: Path, target: Path, card: str, made: dict[str, Any], left_out: s
         else:
             save_file({key: halved(tensor) for key, tensor in load_file(model / name).items()
                        if not left_out or not key.startswith(left_out)}, target / name)
+    for path in target.rglob("*"):
+        if path.suffix in SHIPPED and path.relative_to(target).as_posix() not in names:
+            path.unlink()
     (target / CARD).write_text(f"{card.rstrip()}\n\n{MEASURED[0]}\n{MEASURED[1]}\n", encoding="utf-8")
     record = {"format": FORMAT, **made, "files": {name: file_digest(target / name) for name in sorted([*names, CARD])}}
     (target / RECORD).write_text(json.dumps(record, indent=1, sort_keys=True) + "\n", encoding="utf-8")

@@ -11,7 +11,7 @@ import torch
 from afford.common.masks import iou
 from afford.twohands.model.interface import ModelConfig, build
 from afford.twohands.model.predictor import Predictor
-from afford.twohands.model.region_threshold import LEAST, SIDE_PX, region_threshold
+from afford.twohands.model.region_threshold import LEAST, SIDE_PX, region_cut
 
 SIZE = (64, 96)
 
@@ -32,36 +32,36 @@ def test_no_other_threshold_has_a_larger_mean_iou_over_drawn_truths(peak: float)
         return float(np.mean([iou(likely[0] > threshold, truth) for truth in truths]))
 
     best = max(mean_iou(float(threshold)) for threshold in np.linspace(0.01, 0.9, 60) * peak)
-    assert mean_iou(region_threshold(likely)) > best - 0.005
+    assert mean_iou(region_cut(likely).threshold) > best - 0.005
 
 
 def test_a_less_sure_model_keeps_more_than_the_threshold_of_a_sure_one() -> None:
-    at = [region_threshold(blob(peak)) for peak in (0.95, 0.5, 0.2)]
+    at = [region_cut(blob(peak)).threshold for peak in (0.95, 0.5, 0.2)]
     assert at[0] > at[1] > at[2]
     assert (blob(0.2) > at[2]).sum() > (blob(0.2) > at[0]).sum()
 
 
 def test_hands_that_act_share_one_threshold() -> None:
     sure, unsure = blob(0.9), blob(0.3)
-    both = region_threshold(np.concatenate([sure, unsure]))
-    assert region_threshold(unsure) < both < region_threshold(sure)
+    both = region_cut(np.concatenate([sure, unsure])).threshold
+    assert region_cut(unsure).threshold < both < region_cut(sure).threshold
 
 
 @pytest.mark.parametrize("value", [0.0, LEAST / 2])
 def test_a_picture_without_an_object_keeps_an_empty_region(value: float) -> None:
     likely = np.full((1, 30, 40), value, np.float32)
-    assert not (likely > region_threshold(likely)).any()
+    assert not (likely > region_cut(likely).threshold).any()
 
 
 def test_certain_pixels_are_the_region() -> None:
     likely = np.zeros((1, 30, 40), np.float32)
     likely[0, 5:9, 5:9] = 1
-    assert ((likely > region_threshold(likely)) == (likely == 1)).all()
+    assert ((likely > region_cut(likely).threshold) == (likely == 1)).all()
 
 
 def test_a_large_picture_has_nearly_the_threshold_of_a_small_one() -> None:
     small, large = blob(0.6, (SIDE_PX, SIDE_PX)), blob(0.6, (5 * SIDE_PX, 5 * SIDE_PX))
-    assert region_threshold(large) == pytest.approx(region_threshold(small), rel=0.02)
+    assert region_cut(large).threshold == pytest.approx(region_cut(small).threshold, rel=0.02)
 
 
 def test_a_model_without_calibration_keeps_the_threshold_of_its_validation() -> None:
@@ -71,4 +71,4 @@ def test_a_model_without_calibration_keeps_the_threshold_of_its_validation() -> 
     assert Predictor(model).predict(image, "pour tea").threshold == 0.4
     model.config = replace(model.config, calibration=(0.5, -0.3))
     found = Predictor(model).predict(image, "pour tea", "right")
-    assert found.threshold == region_threshold(found.probability[1:, found.score[1].argmax()]) != 0.4
+    assert found.threshold == region_cut(found.probability[1:, found.score[1].argmax()]).threshold != 0.4

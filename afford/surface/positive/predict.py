@@ -16,9 +16,9 @@ from schemas.files import FileTree
 def load_region_predictor(model: FileTree, category: str, scratch: Path) -> Callable[[np.ndarray, str], np.ndarray]:
     """Return a function from an image (h, w, 3) of an object of `category` and a task to a region (h, w) bool.
 
-    The region is the union of the regions of both hands.
+    The region is the union of the regions of both hands, also where the model does not see the object, which is there.
     """
-    predictor = Predictor(copy_folder(model, "config.json", empty_folder(scratch)))
+    predictor = Predictor(copy_folder(model, "config.json", empty_folder(scratch)), always=True)
 
     def ask(rgb: np.ndarray, task: str) -> np.ndarray:
         found = predictor.predict(rgb, as_narration(task, category))

@@ -25,6 +25,7 @@ SCHEMA = pa.schema([
     pa.field("hands", pa.list_(pa.bool_()), metadata={"doc": "which hands are returned"}),
     pa.field("threshold", pa.float64(), metadata={"doc": "the method's own"}),
     pa.field("calibration", pa.list_(pa.float64()), metadata={"doc": "slope and offset that calibrated the logits"}),
+    pa.field("present", pa.float64(), metadata={"doc": "probability that what the task names is in the image"}),
 ])  # fmt: skip
 
 
@@ -42,7 +43,7 @@ def _row(case_id: str, prediction: Prediction) -> dict[str, object]:
         "probability": np.rint(prediction.probability * np.float32(255)).astype(np.uint8).tobytes(),
         "score": prediction.score.reshape(-1).tolist(), "taxonomy": prediction.taxonomy.tolist(),
         "hands": prediction.hands.tolist(),
-        "threshold": prediction.threshold, "calibration": list(prediction.calibration),
+        "threshold": prediction.threshold, "calibration": list(prediction.calibration), "present": prediction.present,
     }  # fmt: skip
 
 
@@ -66,4 +67,4 @@ class PredictionFile:
         probability = np.frombuffer(row["probability"], np.uint8).reshape(shape) / np.float32(255)
         score = np.array(row["score"], np.float32).reshape(shape[:2])
         return Prediction(row["task"], probability, score, np.array(row["taxonomy"], np.float32), np.array(row["hands"], bool),
-                          row["threshold"], calibration=tuple(row["calibration"]))
+                          row["threshold"], calibration=tuple(row["calibration"]), present=row["present"])

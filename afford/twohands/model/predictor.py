@@ -3,7 +3,8 @@
 A prediction is averaged over the picture and its mirror image. Where the object fills little of the picture, the model runs a
 second time on the crop around the object: in a whole picture the small model finds the object, but hardly its parts. Only the whole
 picture shows the position of the object, and hence which hand is nearer, so the taxonomies of both runs are combined. A model with
-calibrated probabilities gets a threshold for each picture (`region_threshold`), another one keeps that of its validation.
+calibrated probabilities gets a threshold for each picture (`region_threshold`), another one keeps that of its validation. Where
+what the task names is probably not there (`presence`), no pixel is above the threshold.
 """
 
 from __future__ import annotations
@@ -27,7 +28,8 @@ from afford.twohands.model.hand_selection import hand_probabilities, select_hand
 from afford.twohands.model.interface import Batch, TwoHands
 from afford.twohands.model.letterbox import content_size, letterbox, to_tensor, unletterbox
 from afford.twohands.model.model_folder import load_model, locate_files, read_vocabulary
-from afford.twohands.model.region_threshold import region_threshold
+from afford.twohands.model.presence import NamedSight, read_presence
+from afford.twohands.model.region_threshold import RegionCut, region_cut
 from afford.twohands.model.stand_ins import read_task
 from schemas.affordance import MIRRORED
 from schemas.benchmark import Prediction
@@ -38,6 +40,8 @@ IDLE = 0.3
 """least probability of a hand whose object counts for the crop"""
 SPECK = 0.2
 """area of a component, as a share of the largest one, below which it does not belong to the object"""
+NO_REGION = 1.0
+"""threshold above which there is no pixel"""
 
 
 class Task(NamedTuple):
@@ -67,6 +71,8 @@ class RawPrediction(NamedTuple):
     """text that a language model generated"""
     said: bool = True
     """False: the answer names no region, so there is none"""
+    seen: float | None = None
+    """what the classifier saw of the things of the task (`presence.NamedSight`)"""
 
 
 class Predictor:
@@ -78,18 +84,22 @@ class Predictor:
     """
 
     def __init__(self, model: str | Path | TwoHands, device: str = "cpu", mirror: bool = True, dtype: str = "",
-                 pictures: int = 1) -> None:  # fmt: skip
+                 pictures: int = 1, always: bool = False) -> None:  # fmt: skip
         """Load a model, or take one that is in memory.
 
         `model` is a model, or a folder that `save_model` wrote or a training published. With `mirror`, every prediction is the mean
         over the picture and its mirror image, which takes twice the time; not for `vlm`, which answers one picture. A folder with a
         vocabulary reads unknown words of tasks as known ones (`stand_ins.read_task`). `dtype` is the number type of a folder's
-        weights, and `pictures` the largest batch, for which there must be memory (`load_model`).
+        weights, and `pictures` the largest batch, for which there must be memory (`load_model`). With `always`, there are regions
+        also where what a task names is probably not in the picture.
         """
         loaded = model if isinstance(model, TwoHands) else load_model(Path(model), dtype, device, pictures)
         self.model, self.device = loaded.to(device).eval(), device
         self.mirror = mirror and loaded.config.variant != "vlm"
-        self.words = None if isinstance(model, TwoHands) else read_vocabulary(locate_files(Path(model)))
+        folder = None if isinstance(model, TwoHands) else locate_files(Path(model))
+        self.words = None if folder is None else read_vocabulary(folder)
+        self.presence = None if folder is None else read_presence(folder)
+        self.always, self._sight = always, NamedSight(self.model)
 
     def predict(self, image: np.ndarray, task: str, hands: str = "auto", looks: int = 2) -> Prediction:
         """Predict the regions for one (h, w, 3) uint8 RGB image and its task.
@@ -136,7 +146,8 @@ class Predictor:
         said = [True] * len(images) if output.said is None else output.said.tolist()
         slope, offset = self.model.config.calibration
         regions = output.logits.float().cpu() * slope + offset
-        rows = zip(images, regions, output.score.float().cpu(), taxonomy, objects, texts, said, strict=True)
+        seen = self._sight.of([task.asked for task in tasks])
+        rows = zip(images, regions, output.score.float().cpu(), taxonomy, objects, texts, said, seen, strict=True)
         return [RawPrediction(self._probability(image, logits), *rest) for image, logits, *rest in rows]
 
     def _look_closer(self, images: Sequence[np.ndarray], tasks: Sequence[Task], first: list[RawPrediction]) -> list[RawPrediction]:
@@ -156,13 +167,17 @@ class Predictor:
     def _select(self, task: str, raw: RawPrediction, hands: str) -> Prediction:
         selected = select_hands(raw.taxonomy, hands) & raw.said
         score = rank_scores(raw.score, bool(selected.all())).numpy()
-        cut = self._threshold(raw.probability[np.arange(2), score.argmax(axis=1)][selected])
-        return Prediction(task, raw.probability, score, raw.taxonomy, selected, cut, raw.answer, self.model.config.calibration)
+        cut = self._cut(raw.probability[np.arange(2), score.argmax(axis=1)][selected])
+        fitted = self.presence if selected.any() else None
+        present = fitted.probability(cut.expected_iou, raw.seen) if fitted else 1.0
+        there = self.always or fitted is None or present >= fitted.least
+        return Prediction(task, raw.probability, score, raw.taxonomy, selected, cut.threshold if there else NO_REGION, raw.answer,
+                          self.model.config.calibration, present)  # fmt: skip
 
-    def _threshold(self, regions: np.ndarray) -> float:
-        """Threshold of the regions (n, h, w) of the hands that act; the model's own without a hand, or without a calibration."""
+    def _cut(self, regions: np.ndarray) -> RegionCut:
+        """Cut of the regions (n, h, w) of the hands that act; the model's threshold without a hand, or without a calibration."""
         config = self.model.config
-        return region_threshold(regions) if len(regions) and config.calibration != IDENTITY else config.threshold
+        return region_cut(regions) if len(regions) and config.calibration != IDENTITY else RegionCut(config.threshold, 1.0)
 
 
 def rank_scores(score: Tensor, together: bool) -> Tensor:
@@ -191,13 +206,18 @@ def merge_mirrored(raw: RawPrediction, mirrored: RawPrediction) -> RawPrediction
     order = _match_hypotheses(raw.probability, back.probability)
     regions = (raw.probability + back.probability[:, order]) / 2
     score = (raw.score.log_softmax(-1) + back.score[:, from_numpy(order)].log_softmax(-1)) / 2
-    return RawPrediction(regions, score, mean_taxonomy(raw, back), raw.objects, raw.answer)
+    return RawPrediction(regions, score, mean_taxonomy(raw, back), raw.objects, raw.answer, seen=best_seen(raw, mirrored))
 
 
 def mean_taxonomy(one: RawPrediction, other: RawPrediction) -> np.ndarray:
     """Geometric mean (4,) of two taxonomies, normalised to a sum of 1."""
     both = np.sqrt(one.taxonomy * other.taxonomy)
     return np.asarray(both / max(both.sum(), np.finfo(np.float32).tiny))
+
+
+def best_seen(one: RawPrediction, other: RawPrediction) -> float | None:
+    """The larger of what a classifier saw in two passes for the same task."""
+    return None if one.seen is None or other.seen is None else max(one.seen, other.seen)
 
 
 def _match_hypotheses(regions: np.ndarray, others: np.ndarray) -> np.ndarray:
@@ -231,7 +251,8 @@ def paste_crop(first: RawPrediction, closer: RawPrediction, window: Box) -> RawP
     """Regions of the second look in the frame of the whole picture, zero outside the window; the mean of both taxonomies."""
     probability = np.zeros((*closer.probability.shape[:2], *first.probability.shape[2:]), np.float32)
     probability[:, :, window[0], window[1]] = closer.probability
-    return RawPrediction(probability, closer.score, mean_taxonomy(first, closer), closer.objects, first.answer)
+    return RawPrediction(probability, closer.score, mean_taxonomy(first, closer), closer.objects, first.answer,
+                         seen=best_seen(first, closer))  # fmt: skip
 
 
 def _object_mask(raw: RawPrediction, inner: tuple[int, int], size_px: tuple[int, int]) -> np.ndarray:

@@ -7,6 +7,8 @@ a picture follows from its calibrated probabilities (Lipton et al. 2014, for F1)
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from scipy.special import expit, logit
 
@@ -19,12 +21,22 @@ LIMIT, SIDE_PX = 1e-5, 160
 """distance of probabilities from 0 and 1, and height and width of a picture above which rows and columns are left out"""
 
 
-def region_threshold(probability: np.ndarray) -> float:
-    """Compute the threshold, `LEAST` or more, of calibrated probabilities (n, h, w) of the regions of the n hands that act."""
+class RegionCut(NamedTuple):
+    """Threshold of a prediction, and what is expected of its regions."""
+
+    threshold: float
+    """`LEAST` or more"""
+    expected_iou: float
+    """expected IoU with what people touch, 0..1"""
+
+
+def region_cut(probability: np.ndarray) -> RegionCut:
+    """Compute the threshold of calibrated probabilities (n, h, w) of the regions of the n hands that act."""
     down, across = (-(-side // SIDE_PX) for side in probability.shape[1:])
     likely = np.sort(probability[:, ::down, ::across], axis=None)[::-1]
     weight = expit(TRUST * logit(np.clip(likely.astype(np.float64), LIMIT, 1 - LIMIT)))
     touched, count = weight.cumsum(), np.arange(1, likely.size + 1)
     expected_iou = touched / (count + touched[-1] - touched)
-    last = likely[expected_iou.argmax()]
-    return max(float(np.nextafter(np.float32(last), np.float32(0))), LEAST)
+    best = int(expected_iou.argmax())
+    threshold = float(np.nextafter(np.float32(likely[best]), np.float32(0)))
+    return RegionCut(max(threshold, LEAST), float(expected_iou[best]))
