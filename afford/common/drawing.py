@@ -121,7 +121,7 @@ def _hand(draw: ImageDraw.ImageDraw, prediction: Prediction, n: int, side: str, 
     colour, text_x, share = HANDS[side] if used else FAINT, x + round(1.5 * unit), prediction.mask(n).mean()
     summary = f"score {prediction.score[n].max():.2f}, {share:.1%} of the picture" if used else "not needed"
     if used and not share and prediction.present < 1:
-        summary = f"no region: the thing is there with {prediction.present:.0%}"
+        summary = f"no region: {prediction.present:.0%} likely to be there"
     draw.rounded_rectangle((x, y, x + unit, y + unit), unit // 5, colour if used else None, colour, max(1, unit // 10))
     ink, bold, plain = INK if used else FAINT, font(round(0.95 * unit), bold=True), font(round(0.85 * unit))
     draw.text((text_x, y + unit // 2), f"{side} hand", ink, bold, anchor="lm")
