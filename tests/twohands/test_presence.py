@@ -54,6 +54,7 @@ def test_more_evidence_is_more_probable() -> None:
     for values in (by_iou, by_sight):
         assert values == sorted(values) and len(set(values)) == len(values) and values[0] > 0 and values[-1] < 1
     assert fitted.probability(0.2, None) == fitted.probability(0.2, 2.0)  # -0.5 + 0.25 * 2 = 0
+    assert [replace(fitted, bias=bias).probability(0.2, None) for bias in (-1e300, 1e300)] == [0, 1]
 
 
 def test_no_region_for_what_is_not_there_and_one_with_always(model: Path) -> None:

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from scipy.special import expit, logit
 from torch import Tensor, nn
 
 from afford.twohands.model.class_words import named_classes
@@ -40,12 +41,11 @@ class Presence:
     """probability below which there is no region"""
 
     def probability(self, expected_iou: float, seen: float | None) -> float:
-        """Probability that the thing is there; `seen` is None for a task without classes."""
-        iou = min(max(expected_iou, EDGE), 1 - EDGE)
-        logit = self.bias + self.expected_iou * math.log(iou / (1 - iou))
+        """Compute the probability that the thing is there; `seen` is None for a task without classes."""
+        at = self.bias + self.expected_iou * float(logit(min(max(expected_iou, EDGE), 1 - EDGE)))
         if seen is not None:
-            logit += self.named + self.seen * seen
-        return 1 / (1 + math.exp(-logit))
+            at += self.named + self.seen * seen
+        return float(expit(at))
 
 
 def write_presence(presence: Presence, folder: Path) -> None:
