@@ -10,7 +10,6 @@ card and record are written again. The weight of the classifier in a prediction 
 from __future__ import annotations
 
 import argparse
-import json
 import re
 from collections.abc import Iterator
 from dataclasses import replace
@@ -21,13 +20,14 @@ import numpy as np
 
 from afford.common.files import tree
 from afford.dataset import act_affordance
-from afford.models.shipped import CARD, FOLDER, RECORD, TWO_HANDS, file_digest, read_record
+from afford.models.shipped import CARD, FOLDER, TWO_HANDS, file_digest, read_record
 from afford.twohands.benchmark.cases import SHIFT, image, read
 from afford.twohands.model.calibration import calibrated, fit_calibration
 from afford.twohands.model.hand_selection import hand_probabilities
 from afford.twohands.model.model_folder import config_json
 from afford.twohands.model.predictor import Predictor
 from benchmarks.pages import head, make
+from benchmarks.shipped.ship import write_record
 from schemas.benchmark import Case
 
 SEED = 20263
@@ -85,10 +85,8 @@ def main() -> None:
                f"{TRUST} as the weight of the classifier; the threshold, now {config.threshold}, moved along. Each picture has "
                "its own, by its probabilities.")  # fmt: skip
     (folder / "config.json").write_text(config_json(config), encoding="utf-8")
-    record = read_record(folder)
-    record["files"] |= {name: file_digest(folder / name) for name in ("config.json", CARD)}
-    record["calibrated"] = {"commit": head(), "cases": file_digest(given / "stills.json")}
-    (folder / RECORD).write_text(json.dumps(record, indent=1, sort_keys=True) + "\n", encoding="utf-8")
+    facts = {"calibrated": {"commit": head(), "cases": file_digest(given / "stills.json")}}
+    write_record(folder, read_record(folder) | facts, "config.json", CARD)
 
 
 def write_card(card: Path, line: str) -> None:

@@ -11,7 +11,6 @@ included. The least probability for a region is as large as it can be while the 
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,14 +22,15 @@ from scipy.optimize import minimize
 from scipy.special import expit, logit
 
 from afford.common.files import tree
-from afford.common.masks import iou
 from afford.dataset import act_affordance
-from afford.models.shipped import FOLDER, RECORD, TWO_HANDS, file_digest, read_record
+from afford.models.shipped import FOLDER, TWO_HANDS, file_digest, read_record
 from afford.twohands.benchmark.cases import SHIFT, image, prompts, read
+from afford.twohands.benchmark.measures import agreement, best_hypothesis_iou
 from afford.twohands.model.predictor import Predictor
 from afford.twohands.model.presence import EDGE, PRESENCE_FILE, Presence, write_presence
 from benchmarks.pages import head
 from benchmarks.shipped.calibrate import other_rooms
+from benchmarks.shipped.ship import write_record
 from schemas.benchmark import Case, Prediction
 
 DRAWS = 2
@@ -83,8 +83,8 @@ def ask(predictor: Predictor, cases: Sequence[Case]) -> Asked:
 def best_iou(answer: Prediction, modes: np.ndarray) -> float:
     """IoU of an answer with the best of the modes (m, 2, h, w), at their size."""
     size = modes.shape[:1:-1]
-    region = cv2.resize((answer.mask(0) | answer.mask(1)).view(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0
-    return max(iou(region, mode[0] | mode[1]) for mode in modes)
+    found = [cv2.resize(answer.mask(side).view(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0 for side in range(2)]
+    return best_hypothesis_iou(agreement(np.stack(found)[None], modes))
 
 
 def fit_presence(predictor: Predictor, cases: Sequence[Case]) -> Presence:
@@ -120,10 +120,8 @@ def main() -> None:
     presence = fit_presence(Predictor(folder), cases)
     print(presence, flush=True)
     write_presence(presence, folder)
-    record = read_record(folder)
-    record["files"][PRESENCE_FILE] = file_digest(folder / PRESENCE_FILE)
-    record["presence"] = {"commit": head(), "cases": file_digest(given / "stills.json")}
-    (folder / RECORD).write_text(json.dumps(record, indent=1, sort_keys=True) + "\n", encoding="utf-8")
+    facts = {"presence": {"commit": head(), "cases": file_digest(given / "stills.json")}}
+    write_record(folder, read_record(folder) | facts, PRESENCE_FILE)
 
 
 if __name__ == "__main__":

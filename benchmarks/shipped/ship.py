@@ -160,8 +160,13 @@ def ship(model: Path, target: Path, card: str, made: dict[str, Any], left_out: s
         if path.suffix in SHIPPED and path.relative_to(target).as_posix() not in names:
             path.unlink()
     (target / CARD).write_text(f"{card.rstrip()}\n\n{MEASURED[0]}\n{MEASURED[1]}\n", encoding="utf-8")
-    record = {"format": FORMAT, **made, "files": {name: file_digest(target / name) for name in sorted([*names, CARD])}}
-    (target / RECORD).write_text(json.dumps(record, indent=1, sort_keys=True) + "\n", encoding="utf-8")
+    write_record(target, {"format": FORMAT, **made, "files": {}}, *names, CARD)
+
+
+def write_record(folder: Path, record: dict[str, Any], *files: str) -> None:
+    """Write the record of a shipped model, with the digests of files that were written anew."""
+    record["files"] |= {name: file_digest(folder / name) for name in files}
+    (folder / RECORD).write_text(json.dumps(record, indent=1, sort_keys=True) + "\n", encoding="utf-8")
 
 
 def reword(folder: Path, recipe: Recipe) -> None:
@@ -172,9 +177,7 @@ def reword(folder: Path, recipe: Recipe) -> None:
         if count != 1:
             raise SystemExit(f"{folder / CARD}: expected one paragraph '{title}', found {count}")
     (folder / CARD).write_text(text, encoding="utf-8")
-    record = read_record(folder)
-    record["files"][CARD] = file_digest(folder / CARD)
-    (folder / RECORD).write_text(json.dumps(record, indent=1, sort_keys=True) + "\n", encoding="utf-8")
+    write_record(folder, read_record(folder), CARD)
 
 
 def halved(tensor: Tensor) -> Tensor:
