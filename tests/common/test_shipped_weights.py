@@ -152,6 +152,15 @@ def test_shipped_models_are_found_without_torch() -> None:
     assert subprocess.run((sys.executable, "-c", code), cwd=FOLDER.parent).returncode == 0
 
 
+def test_a_new_model_leaves_no_file_of_the_one_before(weights: Path, trained: Path) -> None:
+    for name in ("presence.json", "card.txt"):
+        (weights / shipped.PARTS).mkdir(parents=True, exist_ok=True)
+        (weights / shipped.PARTS / name).write_text("{}")
+    ship(trained, weights / shipped.PARTS, "# Parts", MADE)
+    left = {path.name for path in (weights / shipped.PARTS).iterdir() if path.is_file()}
+    assert "presence.json" not in left and "card.txt" in left and find_shipped(shipped.PARTS)
+
+
 def test_a_damaged_model_stops_the_targets_that_use_it_alone(weights: Path, trained: Path) -> None:
     ship(trained, weights / shipped.PARTS, "# Parts", MADE)
     (weights / shipped.PARTS / "config.json").write_text("{}")
