@@ -164,7 +164,7 @@ def ship(model: Path, target: Path, card: str, made: dict[str, Any], left_out: s
 
 
 def write_record(folder: Path, record: dict[str, Any], *files: str) -> None:
-    """Write the record of a shipped model, with the digests of files that were written anew."""
+    """Write the record of a shipped model, with the digests of the files that were written."""
     record["files"] |= {name: file_digest(folder / name) for name in files}
     (folder / RECORD).write_text(json.dumps(record, indent=1, sort_keys=True) + "\n", encoding="utf-8")
 
