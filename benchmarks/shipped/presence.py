@@ -26,8 +26,9 @@ from afford.dataset import act_affordance
 from afford.models.shipped import FOLDER, TWO_HANDS, file_digest, read_record
 from afford.twohands.benchmark.cases import SHIFT, image, prompts, read
 from afford.twohands.benchmark.measures import agreement, best_hypothesis_iou
+from afford.twohands.model.model_folder import PRESENCE_FILE
 from afford.twohands.model.predictor import Predictor
-from afford.twohands.model.presence import EDGE, PRESENCE_FILE, Presence, write_presence
+from afford.twohands.model.presence import EDGE, Presence, write_presence
 from benchmarks.pages import head
 from benchmarks.shipped.calibrate import other_rooms
 from benchmarks.shipped.ship import write_record

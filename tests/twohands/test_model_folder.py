@@ -11,7 +11,16 @@ import torch
 from safetensors.torch import load_file, save_file
 
 from afford.twohands.model.interface import Batch, ModelConfig, build
-from afford.twohands.model.model_folder import load_model, save_model
+from afford.twohands.model.model_folder import (
+    PRESENCE_FILE,
+    VOCABULARY_FILE,
+    Vocabulary,
+    find_model,
+    load_model,
+    save_model,
+    write_vocabulary,
+)
+from afford.twohands.model.presence import Presence, write_presence
 
 TINY = ModelConfig(size_px=(32, 48), widths=(16, 16, 32), depth=1, decoder_depth=1, text_buckets=64, threshold=0.35)
 
@@ -45,6 +54,19 @@ def test_two_files_and_always_the_same_bytes(folder: Path, tmp_path: Path) -> No
     names = sorted(path.name for path in folder.iterdir())
     assert names == ["config.json", "model.safetensors"]
     assert all((folder / name).read_bytes() == (tmp_path / "again" / name).read_bytes() for name in names)
+
+
+def test_the_digest_covers_every_file_that_answers_depend_on(folder: Path) -> None:
+    """Weights, vocabulary, and presence with its numbers; not what else lies there."""
+    digests = [find_model(folder).digest]
+    write_vocabulary(Vocabulary(("cut",), ("bread",), ("bread", "cut")), folder)
+    digests.append(find_model(folder).digest)
+    for least in (0.2, 0.3):
+        write_presence(Presence(0.0, 1.0, 0.0, 0.0, least), folder)
+        digests.append(find_model(folder).digest)
+    assert len(set(digests)) == 4 and {VOCABULARY_FILE, PRESENCE_FILE} < {path.name for path in folder.iterdir()}
+    (folder / "card.md").write_text("words")
+    assert find_model(folder).digest == digests[-1]
 
 
 def test_tensors_that_do_not_fit_are_named(folder: Path) -> None:

@@ -12,8 +12,9 @@ import torch
 
 from afford.twohands.benchmark.predictions_file import PredictionFile, write_predictions
 from afford.twohands.model.interface import Batch, ModelConfig, build
+from afford.twohands.model.model_folder import PRESENCE_FILE
 from afford.twohands.model.predictor import NO_REGION, Predictor
-from afford.twohands.model.presence import PRESENCE_FILE, NamedSight, Presence, read_presence, write_presence
+from afford.twohands.model.presence import NamedSight, Presence, read_presence, write_presence
 from benchmarks.shipped.presence import LOSS, fit_presence
 from schemas.benchmark import Case, Prediction
 from tests.helpers import tiny_asked

@@ -90,6 +90,8 @@ def read_config(folder: Path) -> ModelConfig:
 
 
 VOCABULARY_FILE, VOCABULARY_FORMAT = "words.json", "afford-words-1"
+PRESENCE_FILE = "presence.json"
+"""file of presence.py, for models that have one"""
 FILLERS = frozenset(("a", "an", "and", "at", "by", "for", "from", "in", "into", "it", "my", "of", "off", "on", "onto", "out",
                      "over", "the", "this", "that", "to", "up", "with", "your"))  # fmt: skip
 """words that name neither an object nor an action, so that they are never reported as unknown"""
@@ -151,7 +153,7 @@ class ModelFolder:
     """folder with config.json and model.safetensors"""
     name: str
     digest: str
-    """blake3 of the config and the weights"""
+    """blake3 of the files that answers depend on: config, weights, vocabulary and presence"""
     words: Vocabulary | None = None
     """vocabulary of its training, if the folder has one"""
 
@@ -185,7 +187,8 @@ def _digest(place: Path) -> str:
     record = place / RECORD
     if record.is_file():  # it has the digests of all files, which may be tens of gigabytes
         return blake3(record.read_bytes()).hexdigest()
-    digest = blake3()
-    for path in (place / CONFIG, *(shards(place / INDEX) if (place / INDEX).is_file() else [place / WEIGHTS])):
+    digest, weights = blake3(), shards(place / INDEX) if (place / INDEX).is_file() else [place / WEIGHTS]
+    beside = [place / name for name in (VOCABULARY_FILE, PRESENCE_FILE) if (place / name).is_file()]
+    for path in (place / CONFIG, *weights, *beside):
         digest.update_mmap(path)
     return digest.hexdigest()

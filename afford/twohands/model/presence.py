@@ -20,8 +20,9 @@ from torch import Tensor, nn
 
 from afford.twohands.model.class_words import named_classes
 from afford.twohands.model.interface import TwoHands
+from afford.twohands.model.model_folder import PRESENCE_FILE
 
-PRESENCE_FILE, PRESENCE_FORMAT = "presence.json", "afford-presence-1"
+PRESENCE_FORMAT = "afford-presence-1"
 EDGE = 1e-3
 """distance of an expected IoU from 0 and 1"""
 
