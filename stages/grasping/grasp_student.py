@@ -56,6 +56,8 @@ class Params:
     """rows of the replay buffer"""
     led: int = 4
     """rounds over which the share of worlds that the teacher acts in falls from 1 to 0"""
+    perturbed: float = 0.5
+    """share of the visited states that are labelled once more with displaced fingers and other contact forces"""
     lr: float = 1e-3
     """learning rate of Adam; it falls to 0"""
     size: str = "small"
@@ -87,10 +89,14 @@ def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], teacher: File
     from afford.common.files import tree
     from afford.grasping.env.device_arrays import arrays_of
     from afford.grasping.env.flight_recorder import FlightRecorder
-    from afford.grasping.env.grasp_worlds import GraspWorlds
     from afford.grasping.env.task import from_grasp_task
     from afford.grasping.policies.load_policy import load_policy
-    from afford.grasping.policies.train_student import DistillationEnv, export_student, train_student
+    from afford.grasping.policies.train_student import (
+        DistillationEnv,
+        DistillationWorlds,
+        export_student,
+        train_student,
+    )
     from afford.models.loading import device_of
     from afford.training import curves
     from afford.training.loop import deterministic
@@ -107,7 +113,7 @@ def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], teacher: File
         for network in filter(None, (policy.teacher, policy.prior)):
             network.to(device_of(params.device))
         chosen = [train_tasks[k % len(train_tasks)] for k in range(max(params.worlds, len(train_tasks)))]
-        core = GraspWorlds(hand, chosen, _env_config(params, policy), recorder, arrays_of(params.engine, params.device))
+        core = DistillationWorlds(hand, chosen, _env_config(params, policy), recorder, arrays_of(params.engine, params.device))
         try:
             envs = DistillationEnv(core, policy.actor(core), sensors, recorder)
             model, state = train_student(envs, params.size, _training_config(params), ctx.scratch, ctx.progress, params.device)
@@ -137,4 +143,4 @@ def _sensors(p: Params):  # type: ignore[no-untyped-def]  # as above
 def _training_config(p: Params):  # type: ignore[no-untyped-def]  # as above
     from afford.grasping.rl.dagger import DaggerConfig
 
-    return DaggerConfig(p.rounds, p.updates, p.batch, p.buffer, p.led, p.lr, seed=p.seed)
+    return DaggerConfig(p.rounds, p.updates, p.batch, p.buffer, p.led, p.perturbed, p.lr, seed=p.seed)

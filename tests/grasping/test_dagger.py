@@ -38,6 +38,12 @@ class Reach:
     def label(self) -> np.ndarray:
         return ((self._goal - self._at) * 10).clip(-0.3, 0.3)[:, None]
 
+    def perturbed(self, rng: np.random.Generator) -> tuple[dagger.Observation, np.ndarray]:
+        kept, self._at = self._at, self._at + rng.normal(0, 0.01, self._n)
+        found = self._seen(), self.label()
+        self._at = kept
+        return found
+
     def step(self, action: np.ndarray) -> dagger.Observation:
         self._at = self._at + action[:, 0] / 10
         return self._seen()

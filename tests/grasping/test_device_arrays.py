@@ -17,7 +17,6 @@ from afford.grasping.env.arrays import NUMPY, Arrays
 from afford.grasping.env.device_arrays import DeviceArrays
 from afford.grasping.env.env import AffordanceGraspVector
 from afford.grasping.env.flight_recorder import FlightRecorder, diverged
-from afford.grasping.env.grasp_worlds import GraspWorlds
 from afford.grasping.env.gym_env import PPOEnvAdapter
 from afford.grasping.env.measures import EpisodeLog, measure
 from afford.grasping.env.obs_blocks import LAYOUTS, ROLES, Snapshot, obs_blocks, observe
@@ -27,7 +26,7 @@ from afford.grasping.policies.depth_cameras import CameraRig
 from afford.grasping.policies.load_policy import load_policy
 from afford.grasping.policies.student import StudentSensors
 from afford.grasping.policies.student_obs import CloudSampling
-from afford.grasping.policies.train_student import DistillationEnv
+from afford.grasping.policies.train_student import DistillationEnv, DistillationWorlds
 from afford.grasping.rl import ppo
 from afford.grasping.sim.engine import DivergedError
 from afford.grasping.sim.scene import Physics
@@ -193,12 +192,13 @@ def test_a_student_observes_worlds_in_tensors(tmp_path: Path) -> None:
     config = replace(policy.config("mujoco", Physics(), "flat", 0.0), steps=STEPS, base="none")
     found = []
     for arrays in (NUMPY, TENSORS):
-        core = GraspWorlds(shadow(), (held_by_handle(),), config, FlightRecorder(tmp_path, "mujoco", 0), arrays)
+        core = DistillationWorlds(shadow(), (held_by_handle(),), config, FlightRecorder(tmp_path, "mujoco", 0), arrays)
         sensors = StudentSensors(CameraRig(1, 32), CloudSampling(32), "tracked")
         envs = DistillationEnv(core, policy.actor(core), sensors, FlightRecorder(tmp_path, "mujoco", 0))
         seen = [*envs.begin(0)]
         for _ in range(2):
-            seen += [envs.label(), *envs.step(np.full((1, 24), 0.2))]
+            other, label = envs.perturbed(np.random.default_rng(0))
+            seen += [*other, label, envs.label(), *envs.step(np.full((1, 24), 0.2))]
         found.append(seen)
         core.close()
     for one, other in zip(*found, strict=True):

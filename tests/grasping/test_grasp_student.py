@@ -7,10 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from afford.grasping.env.flight_recorder import FlightRecorder
 from afford.grasping.env.grasp_worlds import GraspWorlds
 from afford.grasping.env.rollout import rollout
 from afford.grasping.env.task import from_grasp_task
+from afford.grasping.hand.kinematics import joint_limits
 from afford.grasping.policies import load_policy, train_student
+from afford.grasping.policies.depth_cameras import CameraRig
+from afford.grasping.policies.student import StudentSensors
+from afford.grasping.policies.student_obs import CloudSampling
 from afford.grasping.sim.scene import Physics
 from schemas.files import FileTree
 from schemas.grasp import GraspTask
@@ -91,3 +96,26 @@ def test_incomplete_student_files_are_refused(trained: Trained) -> None:
     assert config is not None
     with pytest.raises(ValueError, match=r"student: expected student\.safetensors of a trained student, got student\.json"):
         load_policy.load_policy(FileTree("student", (config,)), {})
+
+
+def test_perturbed_hands_have_other_fingers_alone(expert: FileTree, tmp_path: Path) -> None:
+    """Wrist and object stay, joints are within their limits, teacher and student observe the same; the episode stays as it was."""
+    policy, recorder = load_policy.load_policy(expert, {}), FlightRecorder(tmp_path, "mujoco", 0)
+    chosen = [from_grasp_task(one) for one in tasks()]
+    core = train_student.DistillationWorlds(shadow(), chosen, policy.config("mujoco", Physics(), "flat", 0.0), recorder)
+    envs = train_student.DistillationEnv(core, policy.actor(core), StudentSensors(CameraRig(1, 32), CloudSampling(32)), recorder)
+    before, state, label = envs.begin(0), core.state(), envs.label()
+    seen, other = envs.perturbed(np.random.default_rng(0))
+    again = envs.perturbed(np.random.default_rng(0))
+    displaced = train_student.perturbed(state, shadow(), np.random.default_rng(0))
+    assert core.state() is state and np.array_equal(envs.label(), label)
+    assert all(np.array_equal(one, two) for one, two in zip(envs.observer.observe(), before, strict=True))
+    lower, upper = joint_limits(shadow().joints).T
+    assert np.array_equal(displaced.q[:, :6], state.q[:, :6]) and (displaced.q[:, 6:] != state.q[:, 6:]).any(axis=1).all()
+    assert (displaced.q[:, 6:] >= lower[6:]).all() and (displaced.q[:, 6:] <= upper[6:]).all()
+    assert np.array_equal(displaced.body, state.body) and np.array_equal(displaced.palm, state.palm)
+    with core.observed_as(displaced):
+        assert np.array_equal(envs.label(), other)
+    assert not np.array_equal(seen.robot, before.robot) and not np.array_equal(other, label)
+    assert np.array_equal(seen.N, before.N) and all(np.array_equal(one, two) for one, two in zip(seen, again[0], strict=True))
+    core.close()

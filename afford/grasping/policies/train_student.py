@@ -8,35 +8,74 @@ weights, bit for bit. The buffer is written first, under the number of the round
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 
+from afford.common.arrays import mapped, to_numpy
 from afford.common.files import empty_folder
 from afford.grasping.env.flight_recorder import FlightRecorder, export_records
 from afford.grasping.env.grasp_worlds import GraspWorlds
 from afford.grasping.env.rollout import Actor
+from afford.grasping.hand.kinematics import forward_kinematics, joint_limits, points_on_links
 from afford.grasping.policies.student import StudentObserver, StudentSensors, write_student
 from afford.grasping.policies.student_obs import StudentObs
 from afford.grasping.rl import dagger
 from afford.grasping.rl.cloud_policy import CloudConfig, CloudPolicy, paper_config
 from afford.grasping.rl.ppo import make_optimizer
+from afford.grasping.sim.engine import State
 from afford.models.loading import device_of
 from afford.training.curves import EventWriter
 from afford.training.loop import derive_seed
 from afford.training.state import TrainingState, load_checkpoint, resume, save_checkpoint
+from schemas.hand import HandModel
 
 SECTION = 5
 """rounds between two checkpoints"""
 
 
+FINGER_RAD, FORCE = 0.3, 0.5
+"""perturbed states: largest standard deviation of the displacement of a finger joint; that of the logarithm of a contact force"""
+
+
+class DistillationWorlds(GraspWorlds):
+    """Grasping worlds that can be observed in another state than that of their engine."""
+
+    @contextmanager
+    def observed_as(self, state: State) -> Iterator[None]:
+        """Show this state to all that observe the worlds, inside the block."""
+        kept = self._state, self._measured
+        self._state, self._measured = mapped(state, self.arrays.own), None
+        try:
+            yield
+        finally:
+            self._state, self._measured = kept
+
+
+def perturbed(state: State, hand: HandModel, rng: np.random.Generator) -> State:
+    """Displace the fingers of n hands and scale their contact forces.
+
+    A hand whose motors give way more, as in another engine or on a robot, has such states. Fingertips follow by the hand's
+    kinematics; wrist and object stay.
+    """
+    limits, n = joint_limits(hand.joints), len(state.q)
+    q = state.q.copy()
+    width = rng.uniform(0, FINGER_RAD, (n, 1))
+    q[:, 6:] = (q[:, 6:] + width * rng.standard_normal(q[:, 6:].shape)).clip(*limits[6:].T)
+    tips = points_on_links(forward_kinematics(hand.joints, q), hand.fingers.tip_link, hand.fingers.tip_m)
+    force = state.force * np.exp(FORCE * rng.standard_normal((n, state.force.shape[1], 1)))
+    return replace(state, q=q, tips=tips, force=force)
+
+
 class DistillationEnv:
     """n grasping worlds with a teacher: an environment of DAgger (dagger.DaggerEnv). Actions are in the frame of the start."""
 
-    def __init__(self, core: GraspWorlds, teacher: Actor, sensors: StudentSensors, recorder: FlightRecorder) -> None:
+    def __init__(self, core: DistillationWorlds, teacher: Actor, sensors: StudentSensors, recorder: FlightRecorder) -> None:
         """`recorder` is that of the worlds, whose seed is also that of the episodes."""
         self.core, self.teacher, self.seed, self.steps = core, teacher, recorder.seed, core.config.steps
         self.recorder = recorder
@@ -55,6 +94,12 @@ class DistillationEnv:
     def label(self) -> np.ndarray:
         """(n, m) actions of the teacher."""
         return self.observer.to_start_frame(self.teacher.act(self.core))
+
+    def perturbed(self, rng: np.random.Generator) -> tuple[StudentObs, np.ndarray]:
+        """Observations of perturbed states, and the actions (n, m) of the teacher, which observes the same states."""
+        state, hand = mapped(self.core.state(), to_numpy), mapped(self.core.scenery, to_numpy).hand
+        with self.core.observed_as(perturbed(state, hand, rng)):
+            return self.observer.observe(), self.label()
 
     def step(self, action: np.ndarray) -> StudentObs:
         """Apply the actions (n, m)."""

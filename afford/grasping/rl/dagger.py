@@ -1,8 +1,9 @@
 """DAgger (Ross et al. 2011): the student acts, the teacher labels the visited states with its own actions, the student fits them.
 
-AffordDex likewise uses a first-in first-out buffer, the mean squared error of mean actions, and Adam. Three things differ here:
+AffordDex likewise uses a first-in first-out buffer, the mean squared error of mean actions, and Adam. Four things differ here:
 episodes are finished before learning from them; the teacher acts in a falling share of the worlds in the first rounds (beta of the
-original paper); and a round has a fixed number of minibatches (AffordDex: 5 passes over the buffer in 4 minibatches, every step).
+original paper); a round has a fixed number of minibatches (AffordDex: 5 passes over the buffer in 4 minibatches, every step); and a
+share of the visited states is labelled once more as a perturbed state, which no engine has to reach.
 """
 
 from __future__ import annotations
@@ -36,6 +37,8 @@ class DaggerConfig:
     """rows of the replay buffer"""
     led: int = 6
     """rounds over which the share of worlds that the teacher acts in (beta) falls from 1 to 0; 0 for none"""
+    perturbed: float = 0.5
+    """share of the visited states that are labelled once more, perturbed"""
     lr: float = 1e-3
     """learning rate of Adam; it falls to 0 towards the last round"""
     max_grad_norm: float = 1.0
@@ -56,6 +59,10 @@ class DaggerEnv(Protocol):
 
     def label(self) -> np.ndarray:
         """(n, a) actions of the teacher in the current states."""
+        ...
+
+    def perturbed(self, rng: np.random.Generator) -> tuple[Observation, np.ndarray]:
+        """Observations of perturbed states near the current ones, and the actions (n, a) of the teacher there."""
         ...
 
     def step(self, action: np.ndarray) -> Observation:
@@ -117,11 +124,21 @@ def collect_episodes(envs: DaggerEnv, model: CloudPolicy, config: DaggerConfig, 
         label = envs.label()
         buffer.add(*obs, label.astype(np.float32))
         robots.append(obs[0])
+        if config.perturbed:
+            robots.append(_add_perturbed(envs, config, buffer, rng))
         action = label if teacher_acts.all() else np.where(teacher_acts[:, None], label, model(*map(to_device, obs)).cpu().numpy())
         obs = envs.step(action)
     model.seen.update(to_device(np.concatenate(robots)))
     report = {name: figure[~teacher_acts & ~np.isnan(figure)] for name, figure in envs.report().items()}
     return {name: float(figure.mean()) for name, figure in report.items() if len(figure)} | {"led": float(teacher_acts.mean())}
+
+
+def _add_perturbed(envs: DaggerEnv, config: DaggerConfig, buffer: ReplayBuffer, rng: np.random.Generator) -> np.ndarray:
+    """Add a share of perturbed states to the buffer; the robots' own numbers there."""
+    seen, label = envs.perturbed(rng)
+    some = rng.random(len(label)) < config.perturbed
+    buffer.add(*(part[some] for part in seen), label[some].astype(np.float32))
+    return seen[0][some]
 
 
 def update(model: CloudPolicy, config: DaggerConfig, optimizer: torch.optim.Optimizer, buffer: ReplayBuffer,
