@@ -3,8 +3,9 @@
 Reads   HandModel, GraspTasks to train on, the FileTree of a teacher (rl_grasp_refinement)
 Writes  Trained: files (student.json, student.safetensors, tensorboard/, diverged/) and the TrainingLog
 Method  DAgger in MuJoCo: the student acts, the teacher, which observes the object's state, labels the visited states; mean squared
-        error of actions. The student observes a point cloud, N_t and proprioception (docs/grasping/student.md). A training that was
-        killed resumes to the same weights. The last states of a world that diverged are kept, and the world is reset
+        error of actions. Some states are labelled once more, perturbed. The student observes a point cloud, N_t and
+        proprioception (docs/grasping/student.md). A training that was killed resumes to the same weights. The last states of a
+        world that diverged are kept, and the world is reset
 Fails   without tasks, or for files without a teacher
 Paper   AffordDex, stage 2, the vision student: R, P from cameras, N; PointNets and a transformer. the
         published values of size, views, size_px, points, sampling, layout and n_t are named below
@@ -91,12 +92,7 @@ def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], teacher: File
     from afford.grasping.env.flight_recorder import FlightRecorder
     from afford.grasping.env.task import from_grasp_task
     from afford.grasping.policies.load_policy import load_policy
-    from afford.grasping.policies.train_student import (
-        DistillationEnv,
-        DistillationWorlds,
-        export_student,
-        train_student,
-    )
+    from afford.grasping.policies.train_student import DistillationEnv, DistillationWorlds, export_student, train_student
     from afford.models.loading import device_of
     from afford.training import curves
     from afford.training.loop import deterministic

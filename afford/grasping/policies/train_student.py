@@ -37,9 +37,7 @@ from schemas.hand import HandModel
 
 SECTION = 5
 """rounds between two checkpoints"""
-
-
-FINGER_RAD, FORCE = 0.3, 0.5
+FINGER_RAD, LOG_FORCE = 0.3, 0.5
 """perturbed states: largest standard deviation of the displacement of a finger joint; that of the logarithm of a contact force"""
 
 
@@ -48,7 +46,7 @@ class DistillationWorlds(GraspWorlds):
 
     @contextmanager
     def observed_as(self, state: State) -> Iterator[None]:
-        """Show this state to all that observe the worlds, inside the block."""
+        """Show this state (numpy, of all n worlds) to all that observe the worlds, inside the block."""
         kept = self._state, self._measured
         self._state, self._measured = mapped(state, self.arrays.own), None
         try:
@@ -68,7 +66,7 @@ def perturbed(state: State, hand: HandModel, rng: np.random.Generator) -> State:
     width = rng.uniform(0, FINGER_RAD, (n, 1))
     q[:, 6:] = (q[:, 6:] + width * rng.standard_normal(q[:, 6:].shape)).clip(*limits[6:].T)
     tips = points_on_links(forward_kinematics(hand.joints, q), hand.fingers.tip_link, hand.fingers.tip_m)
-    force = state.force * np.exp(FORCE * rng.standard_normal((n, state.force.shape[1], 1)))
+    force = state.force * np.exp(LOG_FORCE * rng.standard_normal((n, state.force.shape[1], 1)))
     return replace(state, q=q, tips=tips, force=force)
 
 
@@ -97,8 +95,8 @@ class DistillationEnv:
 
     def perturbed(self, rng: np.random.Generator) -> tuple[StudentObs, np.ndarray]:
         """Observations of perturbed states, and the actions (n, m) of the teacher, which observes the same states."""
-        state, hand = mapped(self.core.state(), to_numpy), mapped(self.core.scenery, to_numpy).hand
-        with self.core.observed_as(perturbed(state, hand, rng)):
+        state = mapped(self.core.state(), to_numpy)
+        with self.core.observed_as(perturbed(state, self.core.scenery.hand, rng)):
             return self.observer.observe(), self.label()
 
     def step(self, action: np.ndarray) -> StudentObs:
