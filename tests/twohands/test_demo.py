@@ -286,7 +286,10 @@ def test_the_demo_command_serves_until_interrupted(model: Path, tmp_path: Path) 
         assert "inpainting.png: expected an image" in said[0]
         assert reply.status == 200 and b"Where does each hand go?" in reply.read()
         started.send_signal(signal.SIGINT)
-        assert started.wait(30) == 0 and "stopped" in started.stderr.read()
+        try:
+            assert started.wait(30) == 0 and "stopped" in started.stderr.read()
+        finally:
+            started.kill()
 
 
 def test_loopback_addresses() -> None:

@@ -266,3 +266,21 @@ def test_a_failure_of_the_model_is_no_visitor_who_left(error: type[Exception], c
         status, said = told(site, post("task=x"))
     settled(before)
     assert status == 500 and "terminal" in said["error"] and "out of paper" in capfd.readouterr().err
+
+
+def test_an_interrupt_while_a_connection_begins_ends_the_server(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The thread of the connection has left its seat by then, and no second error hides the interrupt."""
+    begin, before = bounded_server.ThreadingHTTPServer.process_request, threading.active_count()
+
+    def interrupted(site: Site, request: Any, client_address: Any) -> None:
+        begin(site, request, client_address)
+        settled(before)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(bounded_server.ThreadingHTTPServer, "process_request", interrupted)
+    with Site("127.0.0.1", 0, lambda data, task, hands: {}, {}, []) as site:
+        site.timeout = 20
+        with connected(site) as connection:
+            connection.sendall(b"GET / HTTP/1.0\r\nHost: localhost\r\n\r\n")
+            with pytest.raises(KeyboardInterrupt):
+                site.handle_request()

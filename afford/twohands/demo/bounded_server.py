@@ -70,7 +70,7 @@ class BoundedServer(ThreadingHTTPServer):
         self.silent(request)
         try:
             super().process_request(request, client_address)
-        except BaseException:  # no thread was started to release the seat
+        except Exception:  # no thread was started to release the seat; after an interrupt there may be one, and the server ends
             self._seats.release()
             raise
 
