@@ -54,14 +54,15 @@ def main(channel_fd: str, lifeline_fd: str, counters_fd: str) -> None:
 
 
 def _run(batch: list[Job], place: Workplace, outbox: Outbox, counters: Counters) -> None:
-    """Execute a batch; the last message is the size of this process, MiB."""
+    """Execute a batch; the size of this process (MiB) is sent before the last result, with which the scheduler may replace it."""
     for job in batch:
         counters.begin()
         outbox.add(("started", job.key, None))
         result = execute(job, place, partial(_report, outbox, job.key))
         counters.finish()
+        if job is batch[-1]:
+            outbox.add(("size", "", resident_mib()))
         outbox.add(("done", job.key, result))
-    outbox.add(("idle", "", resident_mib()))
     outbox.flush()
 
 

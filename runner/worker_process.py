@@ -98,9 +98,9 @@ class WorkerProcess:
             if what == "done":
                 self.batch.pop(key, None)
                 self.finished += 1
-            elif what == "idle":
+            elif what == "size":
                 self.first_mib, self.resident_mib = self.first_mib or payload, payload
-        return [message for message in found if message[0] != "idle"]
+        return [message for message in found if message[0] != "size"]
 
     def deadline(self) -> float:
         """Time, on the clock of time.monotonic, by which a message must arrive; infinite for an idle worker."""
