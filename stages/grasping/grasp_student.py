@@ -4,11 +4,12 @@ Reads   HandModel, GraspTasks to train on, the FileTree of a teacher (rl_grasp_r
 Writes  Trained: files (student.json, student.safetensors, tensorboard/, diverged/) and the TrainingLog
 Method  DAgger in MuJoCo: the student acts, the teacher, which observes the object's state, labels the visited states; mean squared
         error of actions. Some states are labelled once more, perturbed. The student observes a point cloud, N_t and
-        proprioception (docs/grasping/student.md). A training that was killed resumes to the same weights. The last states of a
-        world that diverged are kept, and the world is reset
-Fails   without tasks, or for files without a teacher
+        proprioception, estimates from them what the teacher observes, and acts by a copy of the teacher's networks
+        (docs/grasping/student.md). A training that was killed resumes to the same weights. The last states of a world that
+        diverged are kept, and the world is reset
+Fails   without tasks, for files without a teacher, or with head=teacher for a teacher of another layout than small
 Paper   AffordDex, stage 2, the vision student: R, P from cameras, N; PointNets and a transformer. the
-        published values of size, views, size_px, points, sampling, layout and n_t are named below
+        published values of head, size, views, size_px, points, sampling, layout and n_t are named below
 """
 
 from __future__ import annotations
@@ -36,6 +37,8 @@ ENGINES = {
     "warp": "afford.grasping.sim.warp_worlds:WarpWorlds",
 }
 
+HEADS = ("teacher", "own")
+
 
 @dataclass(frozen=True)
 class Params:
@@ -61,6 +64,8 @@ class Params:
     """share of the visited states that are labelled once more with displaced fingers and other contact forces"""
     lr: float = 1e-3
     """learning rate of Adam; it falls to 0"""
+    head: str = "teacher"
+    """teacher: estimate what the teacher observes, and act by a copy of its networks; own: a network of its own, as in the paper"""
     size: str = "small"
     """size of the network: small, or paper"""
     views: int = 2
@@ -104,6 +109,8 @@ def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], teacher: File
                          f"{teacher.name} with {', '.join(file.name for file in teacher.files) or 'no file'}")
     if params.engine not in ENGINES:
         raise ValueError(f"grasp_student: expected an engine of {', '.join(ENGINES)}, got {params.engine!r}")
+    if params.head not in HEADS:
+        raise ValueError(f"grasp_student: expected a head of {', '.join(HEADS)}, got {params.head!r}")
     sensors, recorder = _sensors(params), FlightRecorder(ctx.scratch, params.engine, params.seed)
     with deterministic(THREADS, params.device.partition(":")[0]):
         for network in filter(None, (policy.teacher, policy.prior)):
@@ -111,7 +118,7 @@ def run(hand: HandModel, tasks: tuple[tuple[GraspTask, ...], ...], teacher: File
         chosen = [train_tasks[k % len(train_tasks)] for k in range(max(params.worlds, len(train_tasks)))]
         core = DistillationWorlds(hand, chosen, _env_config(params, policy), recorder, arrays_of(params.engine, params.device))
         try:
-            envs = DistillationEnv(core, policy.actor(core), sensors, recorder)
+            envs = DistillationEnv(core, policy.actor(core), sensors, recorder, params.head == "teacher")
             model, state = train_student(envs, params.size, _training_config(params), ctx.scratch, ctx.progress, params.device)
         finally:
             core.close()

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 from afford.grasping.env.flight_recorder import FlightRecorder
 from afford.grasping.env.grasp_worlds import GraspWorlds
+from afford.grasping.env.obs_blocks import obs_blocks
 from afford.grasping.env.rollout import rollout
 from afford.grasping.env.task import from_grasp_task
 from afford.grasping.hand.kinematics import joint_limits
@@ -16,6 +19,9 @@ from afford.grasping.policies import load_policy, train_student
 from afford.grasping.policies.depth_cameras import CameraRig
 from afford.grasping.policies.student import StudentSensors
 from afford.grasping.policies.student_obs import CloudSampling
+from afford.grasping.rl.cloud_policy import CloudPolicy
+from afford.grasping.rl.estimating_policy import EstimatingPolicy
+from afford.grasping.rl.ppo import ActorCritic, PolicyConfig
 from afford.grasping.sim.scene import Physics
 from schemas.files import FileTree
 from schemas.grasp import GraspTask
@@ -119,3 +125,42 @@ def test_perturbed_hands_have_other_fingers_alone(expert: FileTree, tmp_path: Pa
     assert not np.array_equal(seen.robot, before.robot) and not np.array_equal(other, label)
     assert np.array_equal(seen.N, before.N) and all(np.array_equal(one, two) for one, two in zip(seen, again[0], strict=True))
     core.close()
+
+
+def untrained_prior() -> ActorCritic:
+    torch.manual_seed(1)
+    made = ActorCritic(PolicyConfig(sum(block.width for block in obs_blocks("small", "prior")), 24, (16,)))
+    torch.nn.init.normal_(list(made.actor.parameters())[-2], std=0.3)
+    return made
+
+
+@pytest.mark.parametrize("prior", [None, untrained_prior()], ids=["alone", "with_prior"])
+def test_true_estimates_give_the_actions_of_the_teacher(expert: FileTree, prior: ActorCritic | None, tmp_path: Path) -> None:
+    """Compare them at every step, along the axes of the start, also in perturbed states."""
+    policy, recorder = replace(load_policy.load_policy(expert, {}), prior=prior), FlightRecorder(tmp_path, "mujoco", 0)
+    chosen = [from_grasp_task(one) for one in tasks()]
+    core = train_student.DistillationWorlds(shadow(), chosen, policy.config("mujoco", Physics(), "flat", 0.0), recorder)
+    sensors = StudentSensors(CameraRig(1, 32), CloudSampling(32))
+    envs = train_student.DistillationEnv(core, policy.actor(core), sensors, recorder, observed=True)
+    obs = envs.begin(0)
+    model = train_student.new_student("small", obs.robot.shape[1], core.motors, 0, train_student.teacher_copy(envs))
+    assert isinstance(model, EstimatingPolicy)
+    for step in range(12):
+        label = envs.label()
+        for seen, wanted in ((obs, label), envs.perturbed(np.random.default_rng(step))):
+            action = model.act(torch.as_tensor(seen.robot), torch.as_tensor(wanted[:, core.motors :], dtype=torch.float32))
+            assert np.allclose(action.numpy(), wanted[:, : core.motors], atol=2e-4) and wanted[:, : core.motors].any()
+        obs = envs.step(label[:, : core.motors])
+    core.close()
+
+
+def test_a_student_of_its_own_network_needs_no_copy(trained: Trained, expert: FileTree, tmp_path: Path) -> None:
+    """Its files have no networks of the teacher; a teacher of another layout has a student of this kind only."""
+    own = grasp_student.run(shadow(), (tasks(),), expert, replace(TINY, head="own", rounds=1), Scratch(tmp_path / "own"))
+    policies = [load_policy.load_policy(one.files, {}).student for one in (own, trained)]
+    assert [type(one.model) for one in policies if one] == [CloudPolicy, EstimatingPolicy]
+    other = teacher(tmp_path / "teacher", layout="paper")
+    with pytest.raises(ValueError, match=r"expected a teacher of layout=small, action_mode=rate, got paper, rate; .*head=own"):
+        grasp_student.run(shadow(), (tasks(),), other, TINY, Scratch(tmp_path / "paper"))
+    with pytest.raises(ValueError, match="expected a head of teacher, own, got 'two'"):
+        grasp_student.run(shadow(), (tasks(),), expert, replace(TINY, head="two"), Scratch(tmp_path / "two"))

@@ -33,6 +33,8 @@ from afford.grasping.policies.depth_cameras import (
 from afford.grasping.policies.proprioception import Proprioception, StartFrame, robot_body, sense
 from afford.grasping.policies.student_obs import CloudSampling, StudentObs, student_obs
 from afford.grasping.rl.cloud_policy import CloudConfig, CloudPolicy
+from afford.grasping.rl.dagger import StudentPolicy
+from afford.grasping.rl.estimating_policy import EstimatingPolicy, TeacherCopy
 from afford.grasping.rl.policy_files import load_weights, save_weights
 from schemas.files import FileTree
 
@@ -114,7 +116,7 @@ class StudentObserver:
 class StudentActor:
     """Trained student as an Actor (rollout.py)."""
 
-    def __init__(self, model: CloudPolicy, sensors: StudentSensors) -> None:
+    def __init__(self, model: StudentPolicy, sensors: StudentSensors) -> None:
         self.model, self.sensors = model.eval(), sensors
         self._observer: StudentObserver | None = None
 
@@ -127,27 +129,30 @@ class StudentActor:
         return self._observer.from_start_frame(action.numpy().astype(np.float64))
 
 
-def write_student(root: Path, model: CloudPolicy, sensors: StudentSensors, facts: Mapping[str, Any]) -> None:
+def write_student(root: Path, model: StudentPolicy, sensors: StudentSensors, facts: Mapping[str, Any]) -> None:
     """Write a student into the folder `root`; `facts` are those of its teacher (rl/policy_files.py)."""
     root.mkdir(parents=True, exist_ok=True)
-    described = {"format": FORMAT, "network": asdict(model.config), "senses": asdict(sensors), "facts": dict(facts)}
+    described = {"format": FORMAT, "network": asdict(model.config), "senses": asdict(sensors), "facts": dict(facts),
+                 "copy": model.copy.described if isinstance(model, EstimatingPolicy) else None}
     (root / CONFIG).write_text(json.dumps(described, indent=2, sort_keys=True) + "\n", encoding="utf-8")
     save_weights(root / WEIGHTS, model)
 
 
-def read_student(files: FileTree) -> tuple[CloudPolicy, StudentSensors, dict[str, Any]]:
+def read_student(files: FileTree) -> tuple[StudentPolicy, StudentSensors, dict[str, Any]]:
     """Read what `write_student` wrote. ValueError names the file that is missing or does not fit."""
     found = {name: files.find(name) for name in (CONFIG, WEIGHTS)}
     if missing := [name for name, file in found.items() if file is None]:
         there = ", ".join(file.name for file in files.files) or "no file"
         raise ValueError(f"{files.name}: expected {missing[0]} of a trained student, got {there}")
-    config, weights = (file.path for file in found.values() if file is not None)
-    described = json.loads(config.read_text(encoding="utf-8"))
+    file, weights = (file.path for file in found.values() if file is not None)
+    described = json.loads(file.read_text(encoding="utf-8"))
     if described.get("format") != FORMAT:
         raise ValueError(f'{CONFIG} of {files.name}: expected "format": "{FORMAT}", got {described.get("format")!r}; '
                          f"train the student again")
     network, senses = described["network"], described["senses"]
-    model = CloudPolicy(CloudConfig(**{**network, "points": tuple(network["points"]), "hidden": tuple(network["hidden"])}))
+    config = CloudConfig(**{**network, "points": tuple(network["points"]), "hidden": tuple(network["hidden"])})
+    copy = described.get("copy")  # students of a head of their own have none
+    model = EstimatingPolicy(config, TeacherCopy.from_description(copy)) if copy else CloudPolicy(config)
     load_weights(weights, model)
     sensors = StudentSensors(CameraRig(**senses["rig"]), CloudSampling(**senses["eyes"]), senses["n_t"])
     return model.eval(), sensors, described["facts"]

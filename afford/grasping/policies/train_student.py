@@ -21,12 +21,17 @@ from afford.common.arrays import mapped, to_numpy
 from afford.common.files import empty_folder
 from afford.grasping.env.flight_recorder import FlightRecorder, export_records
 from afford.grasping.env.grasp_worlds import GraspWorlds
+from afford.grasping.env.obs_blocks import block_slices
 from afford.grasping.env.rollout import Actor
+from afford.grasping.env.scenery import to_frame
 from afford.grasping.hand.kinematics import forward_kinematics, joint_limits, points_on_links
+from afford.grasping.policies.load_policy import MeanAction
 from afford.grasping.policies.student import StudentObserver, StudentSensors, write_student
 from afford.grasping.policies.student_obs import StudentObs
 from afford.grasping.rl import dagger
 from afford.grasping.rl.cloud_policy import CloudConfig, CloudPolicy, paper_config
+from afford.grasping.rl.dagger import StudentPolicy
+from afford.grasping.rl.estimating_policy import LAYOUT, EstimatingPolicy, MeanNetwork, TeacherCopy
 from afford.grasping.rl.ppo import make_optimizer
 from afford.grasping.sim.engine import State
 from afford.models.loading import device_of
@@ -73,10 +78,14 @@ def perturbed(state: State, hand: HandModel, rng: np.random.Generator) -> State:
 class DistillationEnv:
     """n grasping worlds with a teacher: an environment of DAgger (dagger.DaggerEnv). Actions are in the frame of the start."""
 
-    def __init__(self, core: DistillationWorlds, teacher: Actor, sensors: StudentSensors, recorder: FlightRecorder) -> None:
-        """`recorder` is that of the worlds, whose seed is also that of the episodes."""
+    def __init__(self, core: DistillationWorlds, teacher: Actor, sensors: StudentSensors, recorder: FlightRecorder,
+                 observed: bool = False) -> None:  # fmt: skip
+        """`recorder` is that of the worlds, whose seed is also that of the episodes.
+
+        With `observed`, labels have what the teacher observes after its actions, as EstimatingPolicy learns it.
+        """
         self.core, self.teacher, self.seed, self.steps = core, teacher, recorder.seed, core.config.steps
-        self.recorder = recorder
+        self.recorder, self.observed = recorder, observed
         self.observer = StudentObserver(core, sensors)
         self._rngs: list[np.random.Generator] = []
 
@@ -90,8 +99,9 @@ class DistillationEnv:
         return self.observer.observe()
 
     def label(self) -> np.ndarray:
-        """(n, m) actions of the teacher."""
-        return self.observer.to_start_frame(self.teacher.act(self.core))
+        """(n, m) actions of the teacher; with `observed`, (n, m + e)."""
+        action = self.observer.to_start_frame(self.teacher.act(self.core))
+        return np.concatenate([action, self._observation()], axis=1) if self.observed else action
 
     def perturbed(self, rng: np.random.Generator) -> tuple[StudentObs, np.ndarray]:
         """Observations of perturbed states, and the actions (n, m) of the teacher, which observes the same states."""
@@ -108,14 +118,22 @@ class DistillationEnv:
         """(n,) figures of the episodes that end now."""
         return self.core.report()
 
+    def _observation(self) -> np.ndarray:
+        """(n, e) frame of the episode in that of the start, and the teacher's numbers after those of the robot."""
+        start, episode = self.observer.start, mapped(self.core.episode, to_numpy)
+        origin, yaw = to_frame(episode.origin - start.origin, start.yaw), episode.yaw - start.yaw
+        rest = to_numpy(self.core.observe())[:, block_slices(self.core.blocks)["phase"].stop :]
+        return np.concatenate([origin, np.cos(yaw)[:, None], np.sin(yaw)[:, None], rest], axis=1)
+
 
 def train_student(envs: DistillationEnv, size: str, config: dagger.DaggerConfig, folder: Path,
-                  progress: Callable[[int, int], None], device: str = "cpu") -> tuple[CloudPolicy, TrainingState]:  # fmt: skip
+                  progress: Callable[[int, int], None], device: str = "cpu") -> tuple[StudentPolicy, TrainingState]:  # fmt: skip
     """Train a student on `device`; the network, on the CPU, and its curves.
 
     `folder` holds checkpoint.safetensors, the replay buffer and tensorboard/.
     """
-    model = new_student(size, envs.begin(0).robot.shape[1], envs.core.motors, config.seed).to(device_of(device))
+    copy = teacher_copy(envs) if envs.observed else None
+    model = new_student(size, envs.begin(0).robot.shape[1], envs.core.motors, config.seed, copy).to(device_of(device))
     optimizer = make_optimizer(model, config.lr)
     state = resume(folder, model, optimizer, device)
     events = EventWriter(folder / "tensorboard", state.points)
@@ -133,16 +151,28 @@ def train_student(envs: DistillationEnv, size: str, config: dagger.DaggerConfig,
     return model.cpu().eval(), state
 
 
-def new_student(size: str, robot: int, action: int, seed: int) -> CloudPolicy:
-    """Create an untrained student. ValueError for an unknown size."""
+def teacher_copy(envs: DistillationEnv) -> TeacherCopy:
+    """Copy the networks of the teacher. ValueError for a teacher whose actions are not those of networks at these rates."""
+    teacher, config = envs.teacher, envs.core.config
+    kind = (config.layout, config.action_mode)
+    if not isinstance(teacher, MeanAction) or teacher.teacher is None or kind != (LAYOUT, "rate"):
+        raise ValueError(f"student: expected a teacher of layout={LAYOUT}, action_mode=rate, got {', '.join(kind)}; "
+                         f"give the student a network of its own (head=own)")
+    prior = None if teacher.prior is None else MeanNetwork.of(teacher.prior)
+    return TeacherCopy(MeanNetwork.of(teacher.teacher), prior, to_numpy(envs.core.rates[:, 0]))
+
+
+def new_student(size: str, robot: int, action: int, seed: int, copy: TeacherCopy | None = None) -> StudentPolicy:
+    """Create an untrained student, which acts by the copy of a teacher if there is one. ValueError for an unknown size."""
     sizes: Mapping[str, Callable[[int, int], CloudConfig]] = {"small": CloudConfig, "paper": paper_config}
     if size not in sizes:
         raise ValueError(f"size: expected {' or '.join(sizes)}, got {size!r}")
     torch.manual_seed(derive_seed(seed))
-    return CloudPolicy(sizes[size](robot, action))
+    config = sizes[size](robot, action)
+    return EstimatingPolicy(config, copy) if copy else CloudPolicy(config)
 
 
-def export_student(folder: Path, model: CloudPolicy, sensors: StudentSensors, facts: Mapping[str, Any]) -> Path:
+def export_student(folder: Path, model: StudentPolicy, sensors: StudentSensors, facts: Mapping[str, Any]) -> Path:
     """Write the student and its TensorBoard curves into folder/out."""
     root = empty_folder(folder / "out")
     write_student(root, model, sensors, facts)
@@ -152,7 +182,7 @@ def export_student(folder: Path, model: CloudPolicy, sensors: StudentSensors, fa
     return root
 
 
-def _save(folder: Path, state: TrainingState, events: EventWriter, model: CloudPolicy, optimizer: torch.optim.Optimizer,
+def _save(folder: Path, state: TrainingState, events: EventWriter, model: StudentPolicy, optimizer: torch.optim.Optimizer,
           buffer: dagger.ReplayBuffer) -> None:  # fmt: skip
     tensors = {str(k): torch.from_numpy(column) for k, column in enumerate(buffer.columns)}
     save_checkpoint(_buffer_file(folder, state.step), tensors, {"count": buffer.count})

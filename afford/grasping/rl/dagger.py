@@ -18,9 +18,11 @@ import torch
 from torch import Tensor, nn
 
 from afford.grasping.rl.cloud_policy import CloudPolicy
+from afford.grasping.rl.estimating_policy import EstimatingPolicy
 
 Observation = Sequence[np.ndarray]
 """observation of a student, arrays of (n, ...): the robot's own numbers first"""
+StudentPolicy = CloudPolicy | EstimatingPolicy
 
 
 @dataclass(frozen=True)
@@ -58,11 +60,11 @@ class DaggerEnv(Protocol):
         ...
 
     def label(self) -> np.ndarray:
-        """(n, a) actions of the teacher in the current states."""
+        """(n, a + e) the teacher's actions in the current states, then what else the student learns (its `loss`)."""
         ...
 
     def perturbed(self, rng: np.random.Generator) -> tuple[Observation, np.ndarray]:
-        """Observations of perturbed states near the current ones, and the actions (n, a) of the teacher there."""
+        """Observations of perturbed states near the current ones, and their labels (n, a + e)."""
         ...
 
     def step(self, action: np.ndarray) -> Observation:
@@ -97,7 +99,7 @@ class ReplayBuffer:
         return [torch.as_tensor(column[at], device=device) for column in self.columns]
 
 
-def train(envs: DaggerEnv, model: CloudPolicy, config: DaggerConfig, optimizer: torch.optim.Optimizer, buffer: ReplayBuffer,
+def train(envs: DaggerEnv, model: StudentPolicy, config: DaggerConfig, optimizer: torch.optim.Optimizer, buffer: ReplayBuffer,
           first: int, on_round: Callable[[int, dict[str, float]], None]) -> None:  # fmt: skip
     """Train from round `first` to the last; `on_round(round, scalars)` is called after each. Draws depend on the round only."""
     for number in range(first, config.rounds):
@@ -110,7 +112,7 @@ def train(envs: DaggerEnv, model: CloudPolicy, config: DaggerConfig, optimizer: 
 
 
 @torch.no_grad()
-def collect_episodes(envs: DaggerEnv, model: CloudPolicy, config: DaggerConfig, buffer: ReplayBuffer, number: int,
+def collect_episodes(envs: DaggerEnv, model: StudentPolicy, config: DaggerConfig, buffer: ReplayBuffer, number: int,
                      rng: np.random.Generator) -> dict[str, float]:  # fmt: skip
     """Play an episode in every world; mean figures of the worlds in which the student acted, and the teacher's share `led`."""
     model.eval()
@@ -126,7 +128,9 @@ def collect_episodes(envs: DaggerEnv, model: CloudPolicy, config: DaggerConfig, 
         robots.append(obs[0])
         if config.perturbed:
             robots.append(_add_perturbed(envs, config, buffer, rng))
-        action = label if teacher_acts.all() else np.where(teacher_acts[:, None], label, model(*map(to_device, obs)).cpu().numpy())
+        action = label[:, : model.config.action]
+        if not teacher_acts.all():
+            action = np.where(teacher_acts[:, None], action, model(*map(to_device, obs)).cpu().numpy())
         obs = envs.step(action)
     model.seen.update(to_device(np.concatenate(robots)))
     report = {name: figure[~teacher_acts & ~np.isnan(figure)] for name, figure in envs.report().items()}
@@ -141,17 +145,17 @@ def _add_perturbed(envs: DaggerEnv, config: DaggerConfig, buffer: ReplayBuffer, 
     return seen[0][some]
 
 
-def update(model: CloudPolicy, config: DaggerConfig, optimizer: torch.optim.Optimizer, buffer: ReplayBuffer,
+def update(model: StudentPolicy, config: DaggerConfig, optimizer: torch.optim.Optimizer, buffer: ReplayBuffer,
            rng: np.random.Generator) -> dict[str, float]:  # fmt: skip
-    """Fit the labels on the minibatches of a round; their mean error."""
+    """Fit the labels on the minibatches of a round; the mean squared error of actions."""
     model.train()
     errors = []
     for _ in range(config.updates):
         *obs, label = buffer.sample(rng, config.batch, model.device)
-        loss = nn.functional.mse_loss(model(*obs), label)
+        loss, error = model.loss(obs, label)
         optimizer.zero_grad()
         loss.backward()
         nn.utils.clip_grad_norm_(model.parameters(), config.max_grad_norm)
         optimizer.step()
-        errors.append(loss.item())
+        errors.append(error.item())
     return {"error": float(np.mean(errors))}
