@@ -16,6 +16,7 @@ import torch
 
 from afford.grasping.env.config import GraspEnvConfig
 from afford.grasping.env.grasp_worlds import GraspWorlds
+from afford.grasping.env.obs_blocks import obs_blocks
 from afford.grasping.env.task import make_task
 from afford.grasping.hand.assets import shadow_files
 from afford.grasping.policies import depth_cameras, student_obs
@@ -23,6 +24,8 @@ from afford.grasping.policies.depth_cameras import RANDOM_DEPTH, CameraRig, rend
 from afford.grasping.policies.student import StudentObserver, StudentSensors
 from afford.grasping.policies.student_obs import CloudSampling
 from afford.grasping.policies.train_student import new_student
+from afford.grasping.rl.estimating_policy import LAYOUT, MeanNetwork, TeacherCopy
+from afford.grasping.rl.ppo import PolicyConfig
 from benchmarks.pages import ROOT, into
 from schemas.mesh import ObjectSpec
 from stages.grasping import hand_model, object_solids
@@ -31,9 +34,11 @@ from stages.synthetic import object_build
 PAGE = ROOT / "docs" / "grasping" / "student.md"
 TOOLS = ("screwdriver", "hammer", "knife", "spatula")
 BEFORE, REPEAT = 16, 5
-SETTINGS = (("small", StudentSensors()), ("small", StudentSensors(eyes=CloudSampling(sampling="farthest"))),
-            ("paper", StudentSensors(depth_cameras.PAPER, CloudSampling(1024, "even", "paper"))),
-            ("paper", StudentSensors(depth_cameras.PAPER, student_obs.PAPER)))  # fmt: skip
+SETTINGS = (("small", "teacher", StudentSensors()),
+            ("small", "teacher", StudentSensors(eyes=CloudSampling(sampling="farthest"))),
+            ("small", "own", StudentSensors()),
+            ("paper", "own", StudentSensors(depth_cameras.PAPER, CloudSampling(1024, "even", "paper"))),
+            ("paper", "own", StudentSensors(depth_cameras.PAPER, student_obs.PAPER)))  # fmt: skip
 
 
 def main() -> None:
@@ -61,14 +66,24 @@ def grasps() -> GraspWorlds:
 
 def sizes(core: GraspWorlds) -> str:
     """Return the sizes of both networks."""
-    rows = ["| size | numbers of the robot | points | token | blocks | heads | dropout | perceptron | weights |",
-            "|---|--:|---|--:|--:|--:|--:|---|--:|"]  # fmt: skip
-    for size, layout in (("small", "small"), ("paper", "paper")):
-        model = new_student(size, _robot_width(core, layout), core.motors, 0)
+    rows = ["| size | head | numbers of the robot | points | token | blocks | heads | dropout | perceptron | trained weights |",
+            "|---|---|--:|---|--:|--:|--:|--:|---|--:|"]  # fmt: skip
+    for size, head, layout in (("small", "teacher", "small"), ("small", "own", "small"), ("paper", "own", "paper")):
+        model = new_student(size, _robot_width(core, layout), core.motors, 0, untrained_copy(core, head))
         c = model.config
-        rows.append(f"| {size} | {c.robot} | {', '.join(map(str, c.points))} | {c.width} | {c.blocks} | {c.heads} | {c.dropout:g} "
-                    f"| {', '.join(map(str, c.hidden))} | {sum(p.numel() for p in model.parameters()):,} |")
+        rows.append(f"| {size} | {head} | {c.robot} | {', '.join(map(str, c.points))} | {c.width} | {c.blocks} | {c.heads} "
+                    f"| {c.dropout:g} | {', '.join(map(str, c.hidden))} "
+                    f"| {sum(p.numel() for p in model.parameters() if p.requires_grad):,} |")
     return "\n".join([*rows, ""])
+
+
+def untrained_copy(core: GraspWorlds, head: str) -> TeacherCopy | None:
+    """Networks of the sizes of a teacher and its prior; None for a head of the student's own."""
+    if head == "own":
+        return None
+    teacher, prior = (MeanNetwork(PolicyConfig(sum(block.width for block in obs_blocks(LAYOUT, role)), core.motors))
+                      for role in ("teacher", "prior"))  # fmt: skip
+    return TeacherCopy(teacher, prior, core.rates[:, 0])
 
 
 def _robot_width(core: GraspWorlds, layout: str) -> int:
@@ -85,17 +100,17 @@ def noise() -> str:
 
 def costs(core: GraspWorlds) -> str:
     """Pictures, clouds, network."""
-    rows = ["| views | pixels | points | sampling | network | pictures | all that is seen | network | in all |",
-            "|--:|--:|--:|---|---|--:|--:|--:|--:|"]  # fmt: skip
-    for size, senses in SETTINGS:
+    rows = ["| views | pixels | points | sampling | size | head | pictures | observation | network | in all |",
+            "|--:|--:|--:|---|---|---|--:|--:|--:|--:|"]  # fmt: skip
+    for size, head, senses in SETTINGS:
         look, state = StudentObserver(core, senses), core.state()
         seen = [torch.from_numpy(part) for part in look.observe()]
-        model = new_student(size, seen[0].shape[1], core.motors, 0).eval()
+        model = new_student(size, seen[0].shape[1], core.motors, 0, untrained_copy(core, head)).eval()
         pictures = cost(lambda look=look, state=state: render_depth(look.cameras, look.hand, look.bodies, state.q, state.body))
-        everything, network = cost(look.look), cost(lambda model=model, seen=seen: model(*seen))
+        everything, network = cost(look.observe), cost(lambda model=model, seen=seen: model(*seen))
         rig, eyes = senses.rig, senses.eyes
-        rows.append(f"| {rig.views} | {rig.size_px} | {eyes.points} | {eyes.sampling} | {size} | {pictures:.1f} | {everything:.1f} "
-                    f"| {network:.1f} | {everything + network:.1f} |")
+        rows.append(f"| {rig.views} | {rig.size_px} | {eyes.points} | {eyes.sampling} | {size} | {head} | {pictures:.1f} "
+                    f"| {everything:.1f} | {network:.1f} | {everything + network:.1f} |")
     return "\n".join([*rows, ""])
 
 
