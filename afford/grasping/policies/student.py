@@ -55,6 +55,11 @@ class StudentSensors:
         if self.n_t not in N_SOURCES:
             raise ValueError(f"n_t: expected {' or '.join(N_SOURCES)}, got {self.n_t!r}")
 
+    @property
+    def first_look(self) -> bool:
+        """True when N_t stays where it was in the beginning."""
+        return self.n_t == "first_look"
+
 
 class StudentObserver:
     """Cameras and senses of n worlds. `observe` must be called at the beginning of every episode."""
@@ -152,7 +157,7 @@ def read_student(files: FileTree) -> tuple[StudentPolicy, StudentSensors, dict[s
     network, senses = described["network"], described["senses"]
     config = CloudConfig(**{**network, "points": tuple(network["points"]), "hidden": tuple(network["hidden"])})
     copy = described.get("copy")  # students of a head of their own have none
-    model = EstimatingPolicy(config, TeacherCopy.from_description(copy)) if copy else CloudPolicy(config)
-    load_weights(weights, model)
     sensors = StudentSensors(CameraRig(**senses["rig"]), CloudSampling(**senses["eyes"]), senses["n_t"])
+    model = EstimatingPolicy(config, TeacherCopy.from_description(copy), sensors.first_look) if copy else CloudPolicy(config)
+    load_weights(weights, model)
     return model.eval(), sensors, described["facts"]

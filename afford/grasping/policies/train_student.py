@@ -133,7 +133,8 @@ def train_student(envs: DistillationEnv, size: str, config: dagger.DaggerConfig,
     `folder` holds checkpoint.safetensors, the replay buffer and tensorboard/.
     """
     copy = teacher_copy(envs) if envs.observed else None
-    model = new_student(size, envs.begin(0).robot.shape[1], envs.core.motors, config.seed, copy).to(device_of(device))
+    first_look = envs.observer.sensors.first_look
+    model = new_student(size, envs.begin(0).robot.shape[1], envs.core.motors, config.seed, copy, first_look).to(device_of(device))
     optimizer = make_optimizer(model, config.lr)
     state = resume(folder, model, optimizer, device)
     events = EventWriter(folder / "tensorboard", state.points)
@@ -162,14 +163,15 @@ def teacher_copy(envs: DistillationEnv) -> TeacherCopy:
     return TeacherCopy(MeanNetwork.of(teacher.teacher), prior, to_numpy(envs.core.rates[:, 0]))
 
 
-def new_student(size: str, robot: int, action: int, seed: int, copy: TeacherCopy | None = None) -> StudentPolicy:
+def new_student(size: str, robot: int, action: int, seed: int, copy: TeacherCopy | None = None,
+                first_look: bool = True) -> StudentPolicy:  # fmt: skip
     """Create an untrained student, which acts by the copy of a teacher if there is one. ValueError for an unknown size."""
     sizes: Mapping[str, Callable[[int, int], CloudConfig]] = {"small": CloudConfig, "paper": paper_config}
     if size not in sizes:
         raise ValueError(f"size: expected {' or '.join(sizes)}, got {size!r}")
     torch.manual_seed(derive_seed(seed))
     config = sizes[size](robot, action)
-    return EstimatingPolicy(config, copy) if copy else CloudPolicy(config)
+    return EstimatingPolicy(config, copy, first_look) if copy else CloudPolicy(config)
 
 
 def export_student(folder: Path, model: StudentPolicy, sensors: StudentSensors, facts: Mapping[str, Any]) -> Path:

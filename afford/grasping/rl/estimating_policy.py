@@ -4,7 +4,8 @@ Both observe the blocks R (obs_blocks.py) of the same robot, the student along t
 episode. A point-cloud network estimates the frame of the episode and the teacher's other numbers O, P, N; the copy, which is not
 trained, turns them and R into an action. So hands in states that no training has shown get the answer of the teacher, where a
 network that learns actions alone would extrapolate. Rapid motor adaptation (Kumar et al. 2021) likewise estimates what its teacher
-observes.
+observes. What clouds show is measured (middle and spread of points, distances from fingertips), and the network corrects it: a new
+shape is measured as well as a known one.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from afford.grasping.env.obs_blocks import block_slices, obs_blocks
+from afford.grasping.env.obs_blocks import FAR_M, block_slices, obs_blocks
 from afford.grasping.rl.cloud_policy import UNIT_M, CloudConfig, CloudPolicy
 from afford.grasping.rl.ppo import ActorCritic, PolicyConfig, RunningMeanStd, mlp
 
@@ -91,8 +92,11 @@ class TeacherCopy(nn.Module):
 class EstimatingPolicy(nn.Module):
     """Student policy that DAgger trains to estimate what a teacher observes; actions are those of a copy of the teacher."""
 
-    def __init__(self, config: CloudConfig, copy: TeacherCopy) -> None:
-        """`config` are the sizes of the point-cloud network. ValueError for a teacher of another layout than `small`."""
+    def __init__(self, config: CloudConfig, copy: TeacherCopy, first_look: bool = True) -> None:
+        """`config` are the sizes of the point-cloud network; with `first_look`, N_t stays where it was in the beginning.
+
+        ValueError for a teacher of another layout than `small`.
+        """
         super().__init__()
         at = block_slices(obs_blocks(LAYOUT, "teacher"))
         width = max(part.stop for part in at.values())
@@ -100,7 +104,7 @@ class EstimatingPolicy(nn.Module):
             raise ValueError(f"student: expected a teacher that observes {width} numbers (layout {LAYOUT}), got one of "
                              f"{copy.teacher.config.observation}; give the student a network of its own (head=own)")
         self._at, self.own = at, at["phase"].stop
-        self.config, self.copy = config, copy
+        self.config, self.copy, self.first_look = config, copy, first_look
         self.trunk = CloudPolicy(replace(config, action=FRAME + width - self.own))
 
     @property
@@ -126,14 +130,13 @@ class EstimatingPolicy(nn.Module):
 
     def estimate(self, robot: Tensor, cloud: Tensor, N: Tensor) -> Tensor:
         """(n, e) a frame, and the teacher's numbers after R, from the observation of the student."""
-        found = self.trunk(robot, cloud, N)
         mean, spread = self._units()
-        return found * spread + mean
+        found = self.trunk(robot, cloud, N) * spread + mean
+        return torch.cat([found[:, :FRAME], found[:, FRAME:] + self._measured(robot, cloud, N, found.detach())], dim=1)
 
     def act(self, robot: Tensor, estimate: Tensor) -> Tensor:
         """(n, r) the robot's own numbers, (n, e) estimates -> (n, m) actions along the axes of the start."""
-        origin, yaw = estimate[:, :3], estimate[:, 3:FRAME]
-        c, s = (yaw / yaw.norm(dim=1, keepdim=True).clamp(min=0.5)).unbind(1)
+        origin, (c, s) = estimate[:, :3], _direction(estimate)
         own, full = robot[:, : self.own], self.copy.rates[:2]
         palm, tips, offset = (own[:, self._at[name]] for name in ("palm", "tips", "offset"))
         moved = {
@@ -145,6 +148,32 @@ class EstimatingPolicy(nn.Module):
         any_N = robot[:, -1:]  # observed by both
         action = self.copy(torch.cat([*blocks, estimate[:, FRAME:-1], any_N], dim=1))
         return torch.cat([_turned(action[:, :2] * full, c, s) / full, action[:, 2:]], dim=1)
+
+    @torch.no_grad()
+    def _measured(self, robot: Tensor, cloud: Tensor, N: Tensor, estimate: Tensor) -> Tensor:
+        """(n, e - FRAME) what the clouds show of the teacher's numbers, less their means; 0 for what they do not show.
+
+        With `first_look`, N_t is where it was in the beginning, and is moved by the estimated move of the centre of mass.
+        """
+        (c, s), (mean, _) = _direction(estimate), self._units()
+        palm, tips = robot[:, self._at["palm"]][:, :3], robot[:, self._at["tips"]].unflatten(1, (-1, 3))
+        tips, points = tips - palm[:, None], cloud.float()[:, cloud.shape[1] // 2 :]
+        N = N.float() + (_turned(estimate[:, FRAME : FRAME + 3], c, s)[:, None] if self.first_look else 0.0)
+        seen, any_N = (robot[:, -k, None] for k in (2, 1))
+        found, near = {}, torch.cdist(tips, points).argmin(2)
+        to_surface = points.gather(1, near[..., None].expand(-1, -1, 3)) - tips
+        found["whole"] = _middle_and_spread(points, c, s)
+        found["tips_object"] = to_surface.norm(dim=2).clamp(max=FAR_M)
+        found["to_surface"] = _turned_all(to_surface, c, -s).clamp(-FAR_M, FAR_M).flatten(1)
+        found["negative"] = _middle_and_spread(N, c, s) * any_N
+        found["tips_N"] = torch.where(any_N > 0.5, torch.cdist(tips, N).amin(2).clamp(max=FAR_M), FAR_M)
+        out = torch.zeros(len(robot), len(mean) - FRAME, device=robot.device)
+        for name, value in found.items():
+            at = slice(self._at[name].start - self.own, self._at[name].stop - self.own)
+            out[:, at] = value - mean[FRAME:][at]
+            if name in ("whole", "tips_object", "to_surface"):
+                out[:, at] *= seen
+        return out
 
     def _scaled(self, estimate: Tensor) -> Tensor:
         mean, spread = self._units()
@@ -158,7 +187,25 @@ class EstimatingPolicy(nn.Module):
         return torch.cat([torch.zeros_like(frame), mean]), torch.cat([frame, spread])
 
 
+def _direction(estimate: Tensor) -> tuple[Tensor, Tensor]:
+    """Cosine and sine (n,) of the yaw of a frame."""
+    yaw = estimate[:, 3:FRAME]
+    c, s = (yaw / yaw.norm(dim=1, keepdim=True).clamp(min=0.5)).unbind(1)
+    return c, s
+
+
+def _middle_and_spread(points: Tensor, c: Tensor, s: Tensor) -> Tensor:
+    """(n, 6) mean and standard deviation of points (n, k, 3), in frames of this yaw."""
+    local = _turned_all(points, c, -s)
+    return torch.cat([local.mean(1), local.std(1, correction=0)], dim=1)
+
+
+def _turned_all(v: Tensor, c: Tensor, s: Tensor) -> Tensor:
+    """(n, k, 3) vectors turned about the vertical."""
+    return _turned(v.transpose(1, 2), c[:, None], s[:, None]).transpose(1, 2)
+
+
 def _turned(v: Tensor, c: Tensor, s: Tensor) -> Tensor:
-    """(n, 2 or 3) vectors turned about the vertical, by an angle of cosine and sine (n,)."""
+    """(n, 2 or 3, ...) vectors turned about the vertical, by an angle of cosine and sine (n,)."""
     x, y = v[:, 0], v[:, 1]
     return torch.cat([torch.stack([c * x - s * y, s * x + c * y], dim=1), v[:, 2:]], dim=1)
