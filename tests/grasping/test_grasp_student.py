@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,8 +12,9 @@ import torch
 
 from afford.grasping.env.flight_recorder import FlightRecorder
 from afford.grasping.env.grasp_worlds import GraspWorlds
-from afford.grasping.env.obs_blocks import obs_blocks
+from afford.grasping.env.obs_blocks import block_slices, obs_blocks
 from afford.grasping.env.rollout import rollout
+from afford.grasping.env.scenery import to_frame
 from afford.grasping.env.task import from_grasp_task
 from afford.grasping.hand.kinematics import joint_limits
 from afford.grasping.policies import load_policy, train_student
@@ -20,7 +22,7 @@ from afford.grasping.policies.depth_cameras import CameraRig
 from afford.grasping.policies.student import StudentSensors
 from afford.grasping.policies.student_obs import CloudSampling
 from afford.grasping.rl.cloud_policy import CloudPolicy
-from afford.grasping.rl.estimating_policy import EstimatingPolicy
+from afford.grasping.rl.estimating_policy import FRAME, EstimatingPolicy
 from afford.grasping.rl.ppo import ActorCritic, PolicyConfig
 from afford.grasping.sim.scene import Physics
 from schemas.files import FileTree
@@ -134,24 +136,53 @@ def untrained_prior() -> ActorCritic:
     return made
 
 
-@pytest.mark.parametrize("prior", [None, untrained_prior()], ids=["alone", "with_prior"])
-def test_true_estimates_give_the_actions_of_the_teacher(expert: FileTree, prior: ActorCritic | None, tmp_path: Path) -> None:
-    """Compare them at every step, along the axes of the start, also in perturbed states."""
-    policy, recorder = replace(load_policy.load_policy(expert, {}), prior=prior), FlightRecorder(tmp_path, "mujoco", 0)
+@pytest.fixture
+def envs(expert: FileTree, tmp_path: Path) -> Iterator[train_student.DistillationEnv]:
+    """Worlds whose labels have what the teacher observes."""
+    policy, recorder = load_policy.load_policy(expert, {}), FlightRecorder(tmp_path, "mujoco", 0)
     chosen = [from_grasp_task(one) for one in tasks()]
     core = train_student.DistillationWorlds(shadow(), chosen, policy.config("mujoco", Physics(), "flat", 0.0), recorder)
     sensors = StudentSensors(CameraRig(1, 32), CloudSampling(32))
-    envs = train_student.DistillationEnv(core, policy.actor(core), sensors, recorder, observed=True)
-    obs = envs.begin(0)
-    model = train_student.new_student("small", obs.robot.shape[1], core.motors, 0, train_student.teacher_copy(envs))
-    assert isinstance(model, EstimatingPolicy)
+    yield train_student.DistillationEnv(core, policy.actor(core), sensors, recorder, observed=True)
+    core.close()
+
+
+def estimating(envs: train_student.DistillationEnv, robot: np.ndarray) -> EstimatingPolicy:
+    found = train_student.new_student("small", robot.shape[1], envs.core.motors, 0, train_student.teacher_copy(envs))
+    assert isinstance(found, EstimatingPolicy)
+    return found
+
+
+@pytest.mark.parametrize("prior", [None, untrained_prior()], ids=["alone", "with_prior"])
+def test_true_estimates_give_the_actions_of_the_teacher(envs: train_student.DistillationEnv, prior: ActorCritic | None) -> None:
+    """Compare them at every step, along the axes of the start, also in perturbed states."""
+    assert isinstance(envs.teacher, load_policy.MeanAction)
+    envs.teacher.prior = prior
+    obs, motors = envs.begin(0), envs.core.motors
+    model = estimating(envs, obs.robot)
     for step in range(12):
         label = envs.label()
         for seen, wanted in ((obs, label), envs.perturbed(np.random.default_rng(step))):
-            action = model.act(torch.as_tensor(seen.robot), torch.as_tensor(wanted[:, core.motors :], dtype=torch.float32))
-            assert np.allclose(action.numpy(), wanted[:, : core.motors], atol=2e-4) and wanted[:, : core.motors].any()
-        obs = envs.step(label[:, : core.motors])
-    core.close()
+            action = model.act(torch.as_tensor(seen.robot), torch.as_tensor(wanted[:, motors:], dtype=torch.float32))
+            assert np.allclose(action.numpy(), wanted[:, :motors], atol=2e-4) and wanted[:, :motors].any()
+        obs = envs.step(label[:, :motors])
+
+
+def test_clouds_of_the_whole_surface_are_measured_as_the_teacher_observes_them(envs: train_student.DistillationEnv) -> None:
+    """Read numbers of P and N from clouds and the frame alone, without training; N_t follows the object's centre of mass."""
+    obs, core = envs.begin(0), envs.core
+    model, start, lift = estimating(envs, obs.robot), envs.observer.start, np.array([0.0, 0.0, 0.1])
+    scenery, middle = core.scenery, core.scenery.palm(core.state())[:, None]
+    before, points = (to_frame(where(core.state()) - middle, start.yaw) for where in (scenery.negative_points, scenery.points))
+    state = replace(core.state(), body=core.state().body + np.concatenate([lift, np.zeros(4)]))
+    with core.observed_as(state):
+        label = torch.as_tensor(envs.label()[:, core.motors :], dtype=torch.float32)
+    cloud = torch.as_tensor(np.concatenate([np.zeros_like(points), points + lift], axis=1))
+    found = model._measured(torch.as_tensor(obs.robot), cloud, torch.as_tensor(before), label) + model._units()[0][FRAME:]
+    at = block_slices(obs_blocks("small", "teacher"))
+    for name in ("whole", "tips_object", "to_surface", "negative", "tips_N"):
+        columns = slice(at[name].start - model.own, at[name].stop - model.own)
+        assert torch.allclose(found[:, columns], label[:, FRAME:][:, columns], atol=1e-4), name
 
 
 def test_a_student_of_its_own_network_needs_no_copy(trained: Trained, expert: FileTree, tmp_path: Path) -> None:
