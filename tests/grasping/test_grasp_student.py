@@ -193,5 +193,7 @@ def test_a_student_of_its_own_network_needs_no_copy(trained: Trained, expert: Fi
     other = teacher(tmp_path / "teacher", layout="paper")
     with pytest.raises(ValueError, match=r"expected a teacher of layout=small, action_mode=rate, got paper, rate; .*head=own"):
         grasp_student.run(shadow(), (tasks(),), other, TINY, Scratch(tmp_path / "paper"))
+    with pytest.raises(ValueError, match="expected the robot's own numbers in the layout small, 96 and 3 flags, got 194"):
+        grasp_student.run(shadow(), (tasks(),), expert, replace(TINY, layout="paper"), Scratch(tmp_path / "layout"))
     with pytest.raises(ValueError, match="expected a head of teacher, own, got 'two'"):
         grasp_student.run(shadow(), (tasks(),), expert, replace(TINY, head="two"), Scratch(tmp_path / "two"))

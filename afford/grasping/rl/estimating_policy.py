@@ -23,6 +23,8 @@ from afford.grasping.rl.cloud_policy import UNIT_M, CloudConfig, CloudPolicy
 from afford.grasping.rl.ppo import ActorCritic, PolicyConfig, RunningMeanStd, mlp
 
 LAYOUT = "small"
+FLAGS = 3
+"""flags after the robot's own numbers (StudentObs)"""
 FRAME = 5
 """numbers of a frame: its origin (m), along the axes of the start, and the cosine and sine of its yaw"""
 ESTIMATE_WEIGHT = 0.1
@@ -95,7 +97,7 @@ class EstimatingPolicy(nn.Module):
     def __init__(self, config: CloudConfig, copy: TeacherCopy, first_look: bool = True) -> None:
         """`config` are the sizes of the point-cloud network; with `first_look`, N_t stays where it was in the beginning.
 
-        ValueError for a teacher of another layout than `small`.
+        ValueError for a teacher or a student of another layout than `small`.
         """
         super().__init__()
         at = block_slices(obs_blocks(LAYOUT, "teacher"))
@@ -104,6 +106,9 @@ class EstimatingPolicy(nn.Module):
             raise ValueError(f"student: expected a teacher that observes {width} numbers (layout {LAYOUT}), got one of "
                              f"{copy.teacher.config.observation}; give the student a network of its own (head=own)")
         self._at, self.own = at, at["phase"].stop
+        if config.robot != self.own + FLAGS:
+            raise ValueError(f"student: expected the robot's own numbers in the layout {LAYOUT}, {self.own} and {FLAGS} flags, got "
+                             f"{config.robot} numbers; set layout={LAYOUT}, or give the student a network of its own (head=own)")
         self.config, self.copy, self.first_look = config, copy, first_look
         self.trunk = CloudPolicy(replace(config, action=FRAME + width - self.own))
 
