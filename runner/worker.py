@@ -54,7 +54,7 @@ def main(channel_fd: str, lifeline_fd: str, counters_fd: str) -> None:
 
 
 def _run(batch: list[Job], place: Workplace, outbox: Outbox, counters: Counters) -> None:
-    """Execute a batch; the size of this process (MiB) is sent before the last result, with which the scheduler may replace it."""
+    """Execute a batch. The size of this process (MiB) is sent before the last result, after which the next batch may come."""
     for job in batch:
         counters.begin()
         outbox.add(("started", job.key, None))
