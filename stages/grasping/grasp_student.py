@@ -7,7 +7,7 @@ Method  DAgger in MuJoCo: the student acts, the teacher, which observes the obje
         proprioception, estimates from them what the teacher observes, and acts by a copy of the teacher's networks
         (docs/grasping/student.md). A training that was killed resumes to the same weights. The last states of a world that
         diverged are kept, and the world is reset
-Fails   without tasks, for files without a teacher, or with head=teacher for a teacher of another layout than small
+Fails   without tasks, for files without a teacher, or with head=teacher for a layout other than small
 Paper   AffordDex, stage 2, the vision student: R, P from cameras, N; PointNets and a transformer. the
         published values of head, size, views, size_px, points, sampling, layout and n_t are named below
 """
