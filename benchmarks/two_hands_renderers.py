@@ -91,9 +91,9 @@ def compose(cases: Path, out: Path, backgrounds: Path) -> None:
 def composite(path: Path, photograph: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Meant objects of a case (h, w, 3) uint8 before a random part of a photograph, with soft edges and its mean light."""
     image = cv2.imread(str(path))
-    masks = [cv2.imread(str(path.with_name(f"obj_{side}.png")), cv2.IMREAD_GRAYSCALE) for side in ("left", "right")]
-    inside = np.max([cv2.resize(mask, image.shape[1::-1]) if mask is not None else np.zeros(image.shape[:2], np.uint8)
-                     for mask in masks], axis=0)  # fmt: skip
+    files = [found for side in ("left", "right") if (found := path.with_name(f"obj_{side}.png")).is_file()]
+    masks = [cv2.resize(cv2.imread(str(file), cv2.IMREAD_GRAYSCALE), image.shape[1::-1]) for file in files]
+    inside = np.max([np.zeros(image.shape[:2], np.uint8), *masks], axis=0)
     scale = max(image.shape[0] / photograph.shape[0], image.shape[1] / photograph.shape[1]) * rng.uniform(1, 1.6)
     large = cv2.resize(photograph, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR)
     top, left = (rng.integers(0, max(have - want, 0) + 1) for have, want in zip(large.shape, image.shape[:2], strict=False))
