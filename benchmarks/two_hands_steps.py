@@ -16,6 +16,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from textwrap import wrap
 from typing import Any
 
 from afford.common.files import tree
@@ -87,9 +88,10 @@ def score(args: argparse.Namespace) -> None:
             found[row, seed, name] = run(runner, "benchmark", partial(two_hands, model=tree("model", folder), cases=cases))
     seeds = len({seed for _, seed, _ in found})
     text = (f"Written by `benchmarks/two_hands_steps.py`: the recipe `{args.recipe}` with other parameters, mean and standard "
-            f"deviation over {seeds} trainings. Kinds never shown, workshop and desk: crops.")  # fmt: skip
+            f"deviation over {seeds} trainings. Kinds never shown, workshop and desk: crops; photographs count as the latter."
+           )  # fmt: skip
     lines = (line for name in sets for line in table({key[:2]: one for key, one in found.items() if key[2] == name}, name))
-    PAGE.write_text("\n".join(("# Two-hand models without one step each", "", text, *lines, "")))
+    PAGE.write_text("\n".join(("# Two-hand models without one step each", "", *wrap(text, 132), *lines, "")))
 
 
 def table(found: dict[tuple[str, str], Figures], name: str) -> Iterator[str]:
