@@ -12,14 +12,11 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from afford.grasping.env.carry import carried
+from afford.grasping.env.carried_worlds import CarriedWorlds
 from afford.grasping.env.config import GraspEnvConfig
 from afford.grasping.env.families import GraspPlace
 from afford.grasping.env.flight_recorder import FlightRecorder
-from afford.grasping.env.grasp_worlds import GraspWorlds
-from afford.grasping.env.let_go import released
 from afford.grasping.env.rest_choice import places_of
-from afford.grasping.env.step_result import StepResult
 from afford.grasping.env.task import from_grasp_task
 from afford.grasping.sim.scripted import Aim
 from schemas.grasp import GraspTask
@@ -36,7 +33,7 @@ TOOL_M = 0.03
 surface of an upright body"""
 
 
-class PlacedWorlds(GraspWorlds):
+class PlacedWorlds(CarriedWorlds):
     """n worlds whose hands begin over the best place of their tasks."""
 
     def __init__(self, hand: HandModel, tasks: Sequence[GraspTask], config: GraspEnvConfig, carry: bool = True,
@@ -44,10 +41,6 @@ class PlacedWorlds(GraspWorlds):
         """Build the worlds; `carry` raised objects to their goals. ValueError for a task without a place."""
         self.places, self.given, self.carry = [best_place(one) for one in tasks], tuple(tasks), carry
         super().__init__(hand, [from_grasp_task(one) for one in tasks], config, recorder)
-
-    def step(self, action: np.ndarray, rngs: Sequence[np.random.Generator]) -> StepResult:
-        """Apply actions (n, m), or the carry instead of their first three numbers where an object is raised."""
-        return super().step(released(self, carried(self, action)) if self.carry else action, rngs)
 
     def _aim(self, k: int, pose: np.ndarray, rng: np.random.Generator) -> Aim:
         return aim_at_place(self.places[k], pose, self.scenery.com[k])
