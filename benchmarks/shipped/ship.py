@@ -9,7 +9,7 @@
 
 Trainings are cached and resumable. A two-hand model is calibrated afterwards, by benchmarks/shipped/calibrate.py, and then learns
 what is not there, by benchmarks/shipped/presence.py. Figures of the cards are written by benchmarks/shipped/score.py, out of the
-shipped files.
+shipped files; they stay where a training made the same files again.
 """
 
 from __future__ import annotations
@@ -147,7 +147,9 @@ def ship(model: Path, target: Path, card: str, made: dict[str, Any], left_out: s
     """Write a shipped model from the folder of a trained one: its JSON and safetensors files, a card, and the record.
 
     Floats become half floats; tensors whose names begin with `left_out` are not written. Other such files of an earlier model go.
+    Its figures stay where the model that is written has the same files.
     """
+    before = shipped_before(target)
     names = [path.relative_to(model).as_posix() for path in sorted(model.rglob("*")) if path.suffix in SHIPPED]
     for name in names:
         (target / name).parent.mkdir(parents=True, exist_ok=True)
@@ -161,6 +163,22 @@ def ship(model: Path, target: Path, card: str, made: dict[str, Any], left_out: s
             path.unlink()
     (target / CARD).write_text(f"{card.rstrip()}\n\n{MEASURED[0]}\n{MEASURED[1]}\n", encoding="utf-8")
     write_record(target, {"format": FORMAT, **made, "files": {}}, *names, CARD)
+    keep_figures(target, *before)
+
+
+def shipped_before(folder: Path) -> tuple[dict[str, str], str]:
+    """Digests and figures of the model that a folder has; nothing without one."""
+    if not ((folder / RECORD).is_file() and (folder / CARD).is_file()):
+        return {}, ""
+    text = (folder / CARD).read_text(encoding="utf-8")
+    return read_record(folder)["files"], text.partition(MEASURED[0])[2].partition(MEASURED[1])[0]
+
+
+def keep_figures(folder: Path, files: dict[str, str], figures: str) -> None:
+    """Write the figures of the model before into the card, if its files were the same."""
+    if {**read_record(folder)["files"], CARD: ""} == {**files, CARD: ""}:
+        text = (folder / CARD).read_text(encoding="utf-8")
+        (folder / CARD).write_text(text.replace(MEASURED[0] + "\n", MEASURED[0] + figures), encoding="utf-8")
 
 
 def write_record(folder: Path, record: dict[str, Any], *files: str) -> None:

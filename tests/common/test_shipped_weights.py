@@ -161,6 +161,18 @@ def test_a_new_model_leaves_no_file_of_the_one_before(weights: Path, trained: Pa
     assert "presence.json" not in left and "card.txt" in left and find_shipped(shipped.PARTS)
 
 
+@pytest.mark.parametrize("same", [True, False])
+def test_figures_stay_where_a_training_made_the_same_files(weights: Path, trained: Path, same: bool) -> None:
+    ship(trained, weights / "one", "# One", MADE)
+    card = weights / "one" / CARD
+    card.write_text(card.read_text().replace(MEASURED[0], f"{MEASURED[0]}\n| IoU | 0.5 |"))
+    if not same:
+        (trained / "config.json").write_text('{"width": 4}')
+    ship(trained, weights / "one", "# Again", MADE)
+    assert "# Again" in card.read_text() and ("| IoU | 0.5 |" in card.read_text()) == same
+    assert find_shipped("one") and card.read_text().endswith(f"|\n{MEASURED[1]}\n" if same else f"{MEASURED[0]}\n{MEASURED[1]}\n")
+
+
 def test_a_damaged_model_stops_the_targets_that_use_it_alone(weights: Path, trained: Path) -> None:
     ship(trained, weights / shipped.PARTS, "# Parts", MADE)
     (weights / shipped.PARTS / "config.json").write_text("{}")
