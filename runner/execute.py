@@ -130,6 +130,10 @@ class JobCatalog:
         """Encoded manifest; None for an unknown artifact."""
         return self._bodies.get(digest) or self._others.get(digest)
 
+    def has_artifact(self, digest: str) -> bool:
+        """Return True for an artifact of this job; what other runs have stored may be unknown to the scheduler."""
+        return digest in self._bodies
+
     def add_artifact(self, digest: str, manifest: Manifest) -> None:
         """Record an artifact of the output."""
         row = artifact_row(digest, manifest)

@@ -111,6 +111,8 @@ class Schedule:
         self._executed: set[str] = set()
         """keys that this run has executed, and whose outputs are there"""
         self._heals: dict[NodeShard, int] = {}
+        self._remakes: dict[str, int] = {}
+        """key of a task -> number of times that its inputs were computed again"""
         self._deaths: dict[str, int] = {}
         self._passed: dict[int, int] = {}
         """order of a ready task -> number of batches that have overtaken it"""
@@ -358,6 +360,7 @@ class Schedule:
         pace.wall_s += done.wall_s
         increment(self.report.ran, task.node.name)
         self._executed.add(task.key)
+        self._planned.discard((task.node.id, task.path))
         self._use(task)
         self.report.peak_mib[task.node.name, task.shard] = done.peak_mib
         self._observer.finished(task.node.name, task.shard, "ran", done.wall_s, done.cpu_s, "")
@@ -399,13 +402,17 @@ class Schedule:
         """Run the producer of an unreadable input again, then the task."""
         lost = done.message.split()
         if not self._again(task):
-            self._fail(task, f"input {lost[0][:12]} could not be read although it was computed again {MAX_RETRIES} times")
+            self._unreadable(task, lost)
             return
         self._planner.store.note_lost(lost)
         self._remake(task, lost)
 
     def _remake(self, task: Task, lost: Iterable[str]) -> None:
         """Run the producers of lost artifacts again; the task is decided about again after the last of them."""
+        increment(self._remakes, task.key)
+        if self._remakes[task.key] > MAX_RETRIES:
+            self._unreadable(task, lost)
+            return
         makers: dict[NodeShard, bool] = {}
         try:
             for digest in lost:
@@ -421,6 +428,9 @@ class Schedule:
                 self.walk.retry(self.walk.graph.nodes[at], path)
         if not makers:  # only leafs, which are stored again by now
             self.walk.retry(task.node, task.path)
+
+    def _unreadable(self, task: Task, lost: Iterable[str]) -> None:
+        self._fail(task, f"input {next(iter(lost))[:12]} could not be read although it was computed again {MAX_RETRIES} times")
 
     def _resume(self, follow: Callable[[], None]) -> None:
         """Decide again about tasks whose inputs have been computed again, or have failed."""

@@ -57,6 +57,9 @@ class Catalog(Protocol):
     def body(self, digest: str) -> str | None:
         """Encoded manifest; None for an unknown artifact."""
 
+    def has_artifact(self, digest: str) -> bool:
+        """Return True when the scheduler of this run knows the artifact, so that it need not be recorded."""
+
     def add_artifact(self, digest: str, manifest: Manifest) -> None:
         """Record an artifact."""
 
@@ -150,7 +153,7 @@ class Store:
             twice = min(name for name in names if found.count(name) > 1)
             raise ValueError(f"elements of a {kind} must have different names, got {twice!r} more than once")
         digest = tagged("afford-composite", [kind, children])
-        known = self.catalog.body(digest) is not None or digest in self._planned
+        known = self.catalog.has_artifact(digest) or digest in self._planned
         return digest if known else self._put_manifest(digest, Manifest(kind, children=tuple(children)))
 
     def _put_manifest(self, digest: str, manifest: Manifest) -> str:

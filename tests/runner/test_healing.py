@@ -9,10 +9,11 @@ from pathlib import Path
 import pytest
 from toy import join, pair, shout, split
 from toy.values import Word
-from toy_project import Project
+from toy_project import Project, text
 
 from runner import Graph
 from runner.execute import Job, JobResult
+from runner.report import SilentObserver
 from runner.walk import PlanListener, Walk
 from tests.runner.test_crashes import flip
 
@@ -73,6 +74,53 @@ def test_a_list_whose_manifest_is_gone_is_listed_again(project: Project) -> None
         path.write_bytes(b"".join(rows))
     report = project.runner().run(forms(), "collect", force=["join_collect"])
     assert report.ok and report.outputs == first.outputs and project.runner().store.find(trace.inputs["words"]) is not None
+
+
+@pytest.mark.parametrize("jobs", [0, 2])
+def test_a_list_that_another_run_stored_meanwhile_is_known_to_this_one(jobs: int, project: Project) -> None:
+    """Two runs make the same list, such as an empty one, under different keys."""
+    other = Graph()
+    other.target("parts", other.add(split.run, word=other.leaf("word", Word("other", "x")), params=split.Params(parts=0)))
+
+    class Meanwhile(SilentObserver):
+        def finished(self, stage: str, *_: object) -> None:
+            if stage == "shout":
+                assert project.runner().run(other, "parts").ok
+
+    g = Graph()
+    word = g.leaf("word", Word("w", "ab"))
+    parts = g.add(split.run, word=g.add(shout.run, part=word, word=word, params=shout.Params()), params=split.Params(parts=0))
+    g.target("joined", g.add(join.run, words=parts))  # type: ignore[call-arg]
+    report = project.runner(jobs).run(g, "joined", observer=Meanwhile())
+    assert report.ok and report.ran == {"shout": 1, "split": 1, "join": 1} and text(project, report) == ""
+
+
+def test_an_input_that_stays_unreadable_ends_the_task(project: Project, monkeypatch: pytest.MonkeyPatch) -> None:
+    runner = project.runner()
+    monkeypatch.setattr(runner.store, "lost", lambda digest: [digest])
+    report = runner.run(forms(), "straight")
+    assert [one.stage for one in report.failures] == ["split"] and "computed again 3 times" in report.failures[0].message
+
+
+def test_a_task_that_runs_again_is_planned_again(project: Project) -> None:
+    """Otherwise a progress display would count below nothing."""
+    class Count(SilentObserver):
+        planned_, finished_ = 0, 0
+
+        def planned(self, *_: object) -> None:
+            self.planned_ += 1
+
+        def finished(self, *_: object) -> None:
+            self.finished_ += 1
+
+    count = Count()
+    project.runner().run(forms(), "collect")
+    runner = project.runner()
+    runner.store._verified_blobs.same = lambda blob, found: found.st_size > 0  # type: ignore[method-assign]
+    for path in sorted((project.store / "blobs").glob("??/*")):
+        flip(path)
+    assert runner.run(forms(), "collect", force=["join_collect"], observer=count).ok
+    assert count.planned_ == count.finished_ > 1
 
 
 def test_an_outcome_that_is_withdrawn_is_not_propagated(project: Project) -> None:
