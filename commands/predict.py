@@ -46,6 +46,7 @@ class Options:
     rate_hz: float = 10.0
     frames: int = 10
     always: bool = False
+    quick: bool = False
 
 
 def usable(device: str) -> str:
@@ -88,11 +89,12 @@ def predict(image: Path, task: str, options: Options) -> int:
     from afford.twohands.prediction_files import claim_folder
 
     began, done = time.perf_counter(), BatchResult()
-    question = Question(task.strip(), options.hands, options.threshold)
+    question = Question(task.strip(), options.hands, options.threshold, looks=1 if options.quick else 2)
     try:
         sources = find(image)
         batch = options.batch or (1 if options.device == "cpu" else GPU_BATCH)
-        model, predictor = open_model(options.model, options.store, options.device, options.dtype, batch, options.always)
+        model, predictor = open_model(options.model, options.store, options.device, options.dtype, batch, options.always,
+                                      mirror=not options.quick)
         claim_folder(options.out, options.force)
     except (ValueError, OSError) as error:
         raise UsageError(str(error)) from error
@@ -107,7 +109,7 @@ def predict(image: Path, task: str, options: Options) -> int:
 
 
 def open_model(given: Path | None, store: Path | None, device: str, dtype: str = "",
-               batch: int = 1, always: bool = False) -> tuple[ModelFolder, Predictor]:  # fmt: skip
+               batch: int = 1, always: bool = False, mirror: bool = True) -> tuple[ModelFolder, Predictor]:  # fmt: skip
     """Open the model of `--model`, else the one that was trained last, else the shipped one.
 
     UsageError when there is no model, no such device, or too little memory for a batch.
@@ -121,7 +123,7 @@ def open_model(given: Path | None, store: Path | None, device: str, dtype: str =
         if folder is None:
             raise UsageError(f"{(store or STORE) / 'models'}: no trained model there; run `make train` or give --model DIR")
         found = model_folder.find_model(folder)
-        return found, Predictor(found.folder, usable(device), dtype=dtype, pictures=batch, always=always)
+        return found, Predictor(found.folder, usable(device), mirror=mirror, dtype=dtype, pictures=batch, always=always)
     except ValueError as error:
         raise UsageError(str(error)) from error
 

@@ -86,10 +86,9 @@ class Same(nn.Conv2d):
             return linear(x.permute(0, 2, 3, 1), weight[:, :, 0, 0], bias).permute(0, 3, 1, 2)
         kernel, stride = self.kernel_size[0], self.stride[0]
         across, down = (max((-(-side // stride) - 1) * stride + kernel - side, 0) for side in (x.shape[-1], x.shape[-2]))
-        if across % 2 or down % 2:
-            x = pad(x, (across // 2, across - across // 2, down // 2, down - down // 2))
-            across, down = 0, 0
-        return conv2d(x, weight, bias, self.stride, (down // 2, across // 2), groups=self.groups)
+        if across % 2 or down % 2:  # zeros before the kernel, instead of fewer zeros before the picture, which would be copied
+            weight = pad(weight, (across % 2, 0, down % 2, 0))
+        return conv2d(x, weight, bias, self.stride, ((down + 1) // 2, (across + 1) // 2), groups=self.groups)
 
 
 class Inverted(nn.Module):

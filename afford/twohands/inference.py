@@ -26,6 +26,8 @@ class Question:
     """auto: selected by the taxonomy; left, right, both: forced"""
     threshold: float | None = None
     """probability above which a pixel belongs to a region; None is the model's own"""
+    looks: int = 2
+    """2: small objects are looked at again in their crop; 1: they are not"""
 
 
 @dataclass(frozen=True)
@@ -43,7 +45,8 @@ class Answer:
 def ask(predictor: Predictor, pictures: Sequence[Picture], question: Question) -> list[Answer]:
     """Predict all pictures in one batch. ValueError for unknown hands."""
     wall, cpu = time.perf_counter(), time.process_time()
-    found = predictor.predict_batch([p.rgb for p in pictures], [question.task] * len(pictures), question.hands)
+    found = predictor.predict_batch([p.rgb for p in pictures], [question.task] * len(pictures), question.hands,
+                                    question.looks)
     cpu_ms = 1000 * (time.process_time() - cpu) / len(pictures)
     wall_ms = 1000 * (time.perf_counter() - wall) / len(pictures)
     if question.threshold is not None:

@@ -131,7 +131,7 @@ def main() -> None:
     if model is None:
         raise SystemExit(f"weights/{TWO_HANDS}: no shipped model there")
     cases = tree("photographs", args.cases)
-    draws = [run(runner, "benchmark", lambda g, seed=seed: two_hands(g, model, cases, seed)) for seed in range(DRAWS)]
+    draws = [run(runner, "benchmark", lambda g, seed=seed: two_hands(g, model, cases, seed=seed)) for seed in range(DRAWS)]
     into(PAGE, "outlined", f"shipped/{Path(__file__).name}", "\n".join(table(draws)))
 
 

@@ -70,11 +70,10 @@ def with_interval(found: Figures, name: str) -> str:
     return f"{found[name]:.3f}" + (f" [{ends[0]:.3f}, {ends[1]:.3f}]" if None not in ends else "")
 
 
-def two_hands(g: Graph, model: FileTree, cases: FileTree | None, seed: int | None = None) -> FileTree:
-    """Score the model with right and with wrong words, drawn by a seed, and a Gaussian, on stills."""
+def two_hands(g: Graph, model: FileTree, cases: FileTree | None, **changed: Any) -> FileTree:
+    """Score the model with right and with wrong words, and a Gaussian, on stills; `changed` are parameters of `predict_cases`."""
     p = Settings()
-    if seed is not None:
-        p = p.with_stages(predict_cases=replace(p.twohands.predict_cases, seed=seed))
+    p = p.with_stages(predict_cases=replace(p.twohands.predict_cases, **changed))
     shown = stills_to_measure(g, p) if cases is None else g.leaf("cases", cases)
     predicted = twohands.predict_with_prompts(g, shown, g.leaf("model", model), p)
     predicted = {name: files for name, files in predicted.items() if not name.endswith("removed")}

@@ -9,6 +9,7 @@ import cv2
 import pytest
 import torch
 from skimage import data
+from torch.nn.functional import conv2d, pad
 
 from afford.models.efficientnet_lite import CLASSES, WIDTHS, EfficientNetLite0, Same, read_encoder
 from afford.models.encoder_place import FILE, FOLDER
@@ -28,6 +29,20 @@ def test_strides_and_widths(height: int, width: int) -> None:
         found = random_encoder()(torch.rand(2, 3, height, width))
     assert [tuple(one.shape) for one in found] == [(2, channels, -(-height // stride), -(-width // stride))
                                                    for channels, stride in zip(WIDTHS, (4, 8, 16, 32), strict=True)]  # fmt: skip
+
+
+@pytest.mark.parametrize(("kernel", "stride", "groups"), [(1, 1, 1), (3, 1, 12), (3, 2, 1), (5, 2, 12)])
+@pytest.mark.parametrize("size", [(20, 24), (21, 17), (20, 17)])
+def test_odd_pixels_of_padding_are_behind(size: tuple[int, int], kernel: int, stride: int, groups: int) -> None:
+    """The same as with a picture that was padded before, as TensorFlow does, and the same gradients of the weight."""
+    torch.manual_seed(kernel)
+    convolution, image = Same(12, 24, kernel, stride, groups).double(), torch.rand(2, 12, *size, dtype=torch.float64)
+    down, across = (max((-(-side // stride) - 1) * stride + kernel - side, 0) for side in size)
+    padded = pad(image, (across // 2, across - across // 2, down // 2, down - down // 2))
+    found, expected = convolution(image), conv2d(padded, convolution.weight, stride=stride, groups=groups)
+    torch.testing.assert_close(found, expected)
+    gradients = [torch.autograd.grad(one.square().sum(), convolution.weight)[0] for one in (found, expected)]
+    torch.testing.assert_close(*gradients)
 
 
 @pytest.mark.parametrize(("kernel", "stride", "groups"), [(1, 1, 1), (3, 1, 12), (3, 2, 1), (5, 2, 12)])

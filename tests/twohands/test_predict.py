@@ -99,6 +99,16 @@ def test_a_picture_gives_masks_an_overlay_and_an_object(store: Path, model: Path
     assert said["model"] == {"name": "small", "digest": model_folder.find_model(model).digest} == done.json["model"]
 
 
+def test_quick_is_one_look_without_the_mirror_image(store: Path, model: Path, tmp_path: Path) -> None:
+    image, predictor = write_picture(tmp_path / "kettle.png"), Predictor(model, mirror=False)
+    assert predict(store, image, tmp_path / "out", "--hands", "both", "--quick").code == 0
+    expected = predictor.predict(tiny_asked.picture(), TASK, "both", looks=1)
+    slow = Predictor(model).predict(tiny_asked.picture(), TASK, "both")
+    for n, side in enumerate(("left", "right")):
+        assert np.array_equal(mask(tmp_path / "out" / "kettle" / f"{side}.png"), expected.mask(n))
+    assert not np.array_equal(expected.probability, slow.probability)
+
+
 def test_hands_and_threshold_are_the_users(store: Path, tmp_path: Path) -> None:
     """An idle hand's mask is empty, and a higher threshold gives a smaller region."""
     image = write_picture(tmp_path / "kettle.png")
