@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -59,6 +60,19 @@ def test_masks_and_images_are_boxed_alike() -> None:
     assert content_size(300, 200, (64, 96)) == (64, 43)
     assert np.array_equal(mask[:, :43], boxed[:, :43, 0] > 127) and not mask[:, 43:].any()
     assert (boxed[:, 43:] == (124, 116, 104)).all()
+
+
+@pytest.mark.parametrize("variant", ["small", "lite", "clip"])
+@pytest.mark.parametrize("dtype", ["bfloat16", "float16"])
+def test_half_precision_says_nearly_the_same(variant: str, dtype: str, tmp_path: Path) -> None:
+    size = (64, 64) if variant == "clip" else TINY.size_px
+    save_model(build(replace(TINY, variant=variant, size_px=size), 0), tmp_path)
+    image = np.random.default_rng(0).integers(0, 255, (60, 80, 3), np.uint8)
+    half = Predictor(tmp_path, dtype=dtype)
+    assert {str(one.dtype) for one in half.model.parameters()} == {f"torch.{dtype}"}
+    found, expected = (one.predict(image, "take mug") for one in (half, Predictor(tmp_path)))
+    assert found.probability.dtype == expected.probability.dtype == np.float32
+    assert np.abs(found.probability - expected.probability).max() < 0.05 and np.abs(found.taxonomy - expected.taxonomy).max() < 0.05
 
 
 def test_unletterbox_is_the_identity_on_its_own_size() -> None:

@@ -136,7 +136,7 @@ class Predictor:
 
     def _forward(self, images: Sequence[np.ndarray], tasks: Sequence[Task]) -> list[RawPrediction]:
         size = self.model.config.size_px
-        pictures = to_tensor([letterbox(image, size) for image in images]).to(self.device)
+        pictures = to_tensor([letterbox(image, size) for image in images]).to(self.device, picture_type(self.model))
         batch = Batch(pictures, tuple(task.read for task in tasks), asked=tuple(task.asked for task in tasks))
         with torch.inference_mode():
             output = self.model.answer(batch)
@@ -178,6 +178,12 @@ class Predictor:
         """Cut of the regions (n, h, w) of the hands that act; the model's threshold without a hand, or without a calibration."""
         config = self.model.config
         return region_cut(regions) if len(regions) and config.calibration != IDENTITY else RegionCut(config.threshold, 1.0)
+
+
+def picture_type(model: TwoHands) -> torch.dtype:
+    """Number type of the pictures that a model takes: that of its weights; a `vlm`, which has weights of two types, casts them."""
+    first = None if model.config.variant == "vlm" else next(model.parameters(), None)
+    return torch.float32 if first is None else first.dtype
 
 
 def rank_scores(score: Tensor, together: bool) -> Tensor:
