@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from schemas.interaction import SceneFlow
 
 NAME = "sor3d"
-ALIEN = ("hands", "all_hypotheses", "always", "quick", "every", "batch")
+ALIEN = ("hands", "all_hypotheses", "always", "quick", "every", "batch", "dtype")
 """options that do not apply to a model of sequences"""
 
 

@@ -161,6 +161,7 @@ def test_camera_of_the_square(shown: Path) -> None:
         (("pour tea",), "model sor3d takes no task"),
         (("--hands", "left"), "--hands: model sor3d does not have this option"),
         (("--quick",), "--quick: model sor3d does not have this option"),
+        (("--dtype", "float16"), "--dtype: model sor3d does not have this option"),
         (("--threshold", "1"), "expected a probability"),
         (("--frames", "0"), "--frames 0"),
         (("--focal-px", "-3"), "--focal-px -3"),
