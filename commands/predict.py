@@ -175,7 +175,7 @@ def _summary(task: str, model: ModelFolder, options: Options, done: BatchResult,
     from afford.twohands.prediction_files import looked_for
 
     return {"task": task, "unknown_words": unknown_words(model, task), "read_as": words_read_as(model, task),
-            "looked_for": looked_for(model, task), "hands_asked": options.hands,
+            "looked_for": looked_for(model, task), "hands_asked": options.hands, "quick": options.quick,
             "model": {"name": model.name, "digest": model.digest}, "predictions": done.predictions,
             "failures": done.failures,
             "ms_per_image": {"cpu": round(done.cpu_ms / shown, 3), "wall": round(done.wall_ms / shown, 3)},

@@ -43,6 +43,7 @@ def record(answer: Answer, model: ModelFolder) -> dict[str, Any]:
         "looked_for": looked_for(model, prediction.task),
         "taxonomy": taxonomy(prediction),
         "hands_asked": question.hands,
+        "looks": question.looks,
         "hands": chosen(prediction),
         "threshold": _round(prediction.threshold),
         "present": _round(prediction.present),

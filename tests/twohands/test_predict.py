@@ -101,7 +101,9 @@ def test_a_picture_gives_masks_an_overlay_and_an_object(store: Path, model: Path
 
 def test_quick_is_one_look_without_the_mirror_image(store: Path, model: Path, tmp_path: Path) -> None:
     image, predictor = write_picture(tmp_path / "kettle.png"), Predictor(model, mirror=False)
-    assert predict(store, image, tmp_path / "out", "--hands", "both", "--quick").code == 0
+    done = predict(store, image, tmp_path / "out", "--hands", "both", "--quick")
+    assert done.code == 0 and done.json["quick"]
+    assert json.loads((tmp_path / "out" / "kettle" / "prediction.json").read_text())["looks"] == 1
     expected = predictor.predict(tiny_asked.picture(), TASK, "both", looks=1)
     slow = Predictor(model).predict(tiny_asked.picture(), TASK, "both")
     for n, side in enumerate(("left", "right")):
