@@ -214,8 +214,9 @@ def _tell(summary: dict[str, Any], options: Options) -> int:
     strange = [word for word in summary["unknown_words"] or () if word not in summary["looked_for"]]
     if strange:
         words = escape(", ".join(strange))
-        console.print(f"[yellow]unknown words[/] {words}: this model was not trained with them, so the prediction "
-                      "may be meaningless; use other words", highlight=False, soft_wrap=True)  # fmt: skip
+        console.print(f"[yellow]unknown words[/] {words}: this model was not trained with them, so the prediction goes by the "
+                      "other words and the picture; words.json of the model has those that it knows",
+                      highlight=False, soft_wrap=True)  # fmt: skip
     for failure in summary["failures"]:
         console.print(f"[red]failed[/] {escape(failure['message'])}", highlight=False, soft_wrap=True)
     cost = summary["ms_per_image"]

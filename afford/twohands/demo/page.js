@@ -164,7 +164,7 @@ function describe() {
   const sentences = [
     lookedFor.length && `The training did not contain ${quoted(lookedFor)}, which the classifier of the image encoder looks for.`,
     answer.present < 0.5 && `What the task names may not be in the picture (${percent(answer.present)})${shown.threshold >= 1 ? ", so that no region is shown. Lower the threshold to see where the model would act." : "."}`,
-    strange.length && `The training of this model did not contain ${quoted(strange)}, so that the answer may mean little. The known words are below.`,
+    strange.length && `The training of this model did not contain ${quoted(strange)}, so that the answer goes by the other words and the picture. The known words are below.`,
   ];
   $("unknown").textContent = sentences.filter(Boolean).join(" ");
   $("unknown").hidden = !$("unknown").textContent;
